@@ -1,0 +1,109 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use clap::builder::RangedU64ValueParser;
+
+/// Simulate spheres that fall, collide, rub, roll and settle.
+///
+/// Reads a scene (TOML), integrates the motion of its particles with adaptive time steps, and writes frames to one
+/// VTKHDF file that ParaView, pyvista and h5py open. Runs on one core, on threads, or on MPI ranks started by mpirun:
+/// the result is the same to the last bit.
+#[derive(Debug, Clone, PartialEq, Parser)]
+#[command(name = "demhybrid", version, after_help = AFTER_HELP)]
+pub struct Args {
+    /// Scene file, TOML in SI units
+    pub scene: PathBuf,
+
+    /// Output file, in place of output.file of the scene
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+
+    /// Threads of each MPI rank [default: what the rank's cores and RAYON_NUM_THREADS allow]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
+    pub threads: Option<usize>,
+
+    /// Set a key of the scene, e.g. --set solver.tolerance=1e-3; may be repeated
+    ///
+    /// VALUE is TOML; text that is not TOML is taken as a string. Missing tables are created.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+
+    /// Check the scene, print what would run, and exit
+    #[arg(long)]
+    pub dry_run: bool,
+
+    /// Replace an existing output file
+    #[arg(long)]
+    pub force: bool,
+
+    /// No progress, only warnings and errors
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
+
+    /// More about the progress of the run
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  demhybrid configs/settle.toml
+  demhybrid configs/settle.toml --set particles.grid.count=27 --set t_end=1 -o small.vtkhdf
+  mpirun -n 4 demhybrid configs/settle.toml --threads 2 --force
+
+Exit codes:
+  0      done
+  2      a mistake found before the first step: scene, particles, command line, output file
+  3      the computation failed: a force that is not finite, a step that cannot be made
+  4      the output could not be written
+  70     an internal error
+  128+N  killed by signal N
+
+The summary goes to stdout; progress and warnings go to stderr.";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    fn parse(line: &str) -> Result<Args, clap::Error> {
+        Args::try_parse_from(line.split_whitespace())
+    }
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn every_option_is_read() {
+        let args =
+            parse("demhybrid a.toml -o b.vtkhdf --threads 2 --set a.b=1 --set c=-2 --dry-run --force -v")
+                .unwrap();
+        assert_eq!(
+            (args.scene, args.output, args.threads),
+            ("a.toml".into(), Some("b.vtkhdf".into()), Some(2))
+        );
+        assert_eq!(args.set, ["a.b=1", "c=-2"]);
+        assert_eq!((args.dry_run, args.force, args.quiet, args.verbose), (true, true, false, true));
+    }
+
+    #[test]
+    fn mistakes_on_the_command_line_end_with_code_2() {
+        for line in [
+            "demhybrid",
+            "demhybrid a.toml b.toml",
+            "demhybrid a.toml --threads 0",
+            "demhybrid a.toml --threads x",
+            "demhybrid a.toml -q -v",
+            "demhybrid a.toml --set",
+            "demhybrid a.toml --unknown",
+        ] {
+            assert_eq!(parse(line).unwrap_err().exit_code(), 2, "{line}");
+        }
+        assert_eq!(parse("demhybrid --help").unwrap_err().exit_code(), 0);
+        assert_eq!(parse("demhybrid --version").unwrap_err().exit_code(), 0);
+    }
+}

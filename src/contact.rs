@@ -1,0 +1,338 @@
+//! The contact law, eqs. (2.1)-(2.12): pure functions of one contact, for pairs and walls alike.
+//!
+//! A wall is a motionless partner. For both geometries `n` is the unit normal from the other body to particle i,
+//! `gap` the distance between the surfaces (negative: overlap) and `v_rel` the velocity of i relative to the partner:
+//! n = (x_i - x_j)/d for a pair, n = -n_k for wall k.
+
+use crate::particle::{Spin, Vec3};
+
+/// What a contact does to particle i. Its partner j feels the opposite force and the *same* torque:
+/// both n and F_fr change sign in eq. (2.11).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Action<W> {
+    /// Repulsion and friction, N.
+    pub force: Vec3,
+    /// Torque by friction, N m.
+    pub torque: W,
+}
+
+impl<W: Spin> Action<W> {
+    /// No contact.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Action { force: Vec3::zeros(), torque: W::zero() }
+    }
+}
+
+/// How much of the repulsion remains at a given closing speed, eq. (2.4).
+pub trait Rebound: Copy + Send + Sync + 'static {
+    /// Share of the repulsion kept at closing speed `v` (m/s, positive when approaching), eq. (2.4).
+    fn share(&self, v: f64) -> f64;
+}
+
+/// e = 1: nothing is lost, and nothing is computed.
+#[derive(Debug, Clone, Copy)]
+pub struct Elastic;
+
+/// e < 1: separation is weaker than approach.
+#[derive(Debug, Clone, Copy)]
+pub struct Dissipative {
+    e2: f64,
+    lost: f64,
+    two_psi: f64,
+}
+
+impl Dissipative {
+    /// Coefficient of restitution `e` (0..1) and focusing coefficient `psi` (s/m).
+    pub fn new(e: f64, psi: f64) -> Self {
+        Dissipative { e2: e * e, lost: 1.0 - e * e, two_psi: 2.0 * psi }
+    }
+}
+
+impl Rebound for Elastic {
+    #[inline(always)]
+    fn share(&self, _v: f64) -> f64 {
+        1.0
+    }
+}
+
+impl Rebound for Dissipative {
+    /// e^2 when separating, 1 when approaching, smooth between so that the step control works.
+    /// (1 + tanh z)/2 = 1/(1 + exp(-2z)) keeps all digits, where tanh by exponentials loses them near 0.
+    #[inline(always)]
+    fn share(&self, v: f64) -> f64 {
+        self.e2 + self.lost / (1.0 + exp(-self.two_psi * v))
+    }
+}
+
+/// What happens along the surfaces, eqs. (2.6)-(2.12).
+pub trait Tangential: Copy + Send + Sync + 'static {
+    /// Adds friction to the action on i. `repulsion` is the full F of eq. (2.1), not reduced by the rebound
+    /// function (N); `opening` is the speed of separation n.v_rel (m/s); `spins` is w_i + w_j (rad/s).
+    fn rub<W: Spin>(
+        &self,
+        r: f64,
+        repulsion: f64,
+        n: &Vec3,
+        opening: f64,
+        v_rel: &Vec3,
+        spins: &W,
+        action: &mut Action<W>,
+    );
+}
+
+/// No friction: the basic variant.
+#[derive(Debug, Clone, Copy)]
+pub struct Frictionless;
+
+/// Regularised Coulomb friction: the friction and friction+rotation variants.
+#[derive(Debug, Clone, Copy)]
+pub struct Coulomb {
+    phi: f64,
+    v_min: f64,
+}
+
+impl Coulomb {
+    /// Friction coefficient `phi` and speed `v_min` (m/s) from which friction has its full strength.
+    pub fn new(phi: f64, v_min: f64) -> Self {
+        Coulomb { phi, v_min }
+    }
+
+    /// Sigma[s]/s of eq. (2.8) in s/m: with this form friction needs no direction t/|t| and is finite at s = 0.
+    /// (v_0 of eq. (2.8) is v_min.)
+    #[inline(always)]
+    pub fn limiter_over_slip(&self, s: f64) -> f64 {
+        if s < self.v_min {
+            (3.0 - 2.0 * s / self.v_min) * s / (self.v_min * self.v_min)
+        } else {
+            1.0 / s
+        }
+    }
+}
+
+impl Tangential for Frictionless {
+    #[inline(always)]
+    fn rub<W: Spin>(&self, _: f64, _: f64, _: &Vec3, _: f64, _: &Vec3, _: &W, _: &mut Action<W>) {}
+}
+
+impl Tangential for Coulomb {
+    #[inline(always)]
+    fn rub<W: Spin>(
+        &self,
+        r: f64,
+        repulsion: f64,
+        n: &Vec3,
+        opening: f64,
+        v_rel: &Vec3,
+        spins: &W,
+        action: &mut Action<W>,
+    ) {
+        // Eqs. (2.7) and (2.10).
+        let slip = v_rel - n * opening - spins.surface_velocity(r, n);
+        // Eqs. (2.6) and (2.9).
+        let friction = slip * (-self.phi * repulsion * self.limiter_over_slip(slip.norm()));
+        action.force += friction;
+        // Eqs. (2.11) and (2.12).
+        action.torque = W::torque(r, n, &friction);
+    }
+}
+
+/// The contact law of one scene, with the effects it calls for as types.
+#[derive(Debug, Clone, Copy)]
+pub struct Law<R, T> {
+    /// Radius of every sphere, m.
+    pub r: f64,
+    /// Repulsion at contact F_0, N.
+    pub f_0: f64,
+    /// Stiffness exponent kappa, 1/m.
+    pub kappa: f64,
+    /// Largest gap at which surfaces interact, m.
+    pub l_max: f64,
+    /// Dissipation on rebound.
+    pub rebound: R,
+    /// Friction.
+    pub tangential: T,
+}
+
+impl<R: Rebound, T: Tangential> Law<R, T> {
+    /// Repulsion at `gap` (m), in N, eq. (2.1).
+    #[inline(always)]
+    pub fn repulsion(&self, gap: f64) -> f64 {
+        self.f_0 * exp(-self.kappa * gap)
+    }
+
+    /// Energy stored in a contact at rest at `gap` (m), in J: the integral of rho[0] F up to `l_max`.
+    /// With this share H of docs/design.md never grows, whatever the speeds.
+    pub fn stored_energy(&self, gap: f64) -> f64 {
+        if gap <= self.l_max {
+            self.rebound.share(0.0) * (self.repulsion(gap) - self.repulsion(self.l_max)) / self.kappa
+        } else {
+            0.0
+        }
+    }
+
+    /// Force and torque on particle i by one contact, eqs. (2.3), (2.5), (2.6), (2.9), (2.11), (2.12).
+    /// `gap` (m) must not exceed `l_max`; `v_rel` (m/s) is the velocity of i relative to its partner's centre;
+    /// `spins` (rad/s) is w_i + w_j, with w_j = 0 for a wall.
+    #[inline(always)]
+    pub fn action<W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Action<W> {
+        let opening = n.dot(v_rel);
+        let repulsion = self.repulsion(gap);
+        let mut action =
+            Action { force: n * (repulsion * self.rebound.share(-opening)), torque: W::zero() };
+        self.tangential.rub(self.r, repulsion, n, opening, v_rel, spins, &mut action);
+        action
+    }
+}
+
+/// e^x within 1.5 ulp, without a branch, a table or a library call, from additions and multiplications alone: the
+/// same bits on every machine, and ready for vector units. Below -708 it is 0, above 709 +infinity.
+#[inline(always)]
+pub fn exp(x: f64) -> f64 {
+    const LOG2_E: f64 = std::f64::consts::LOG2_E;
+    // ln 2 in two parts; the high one has 32 trailing zero bits, so k * LN2_HIGH is exact.
+    const LN2_HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
+    const LN2_LOW: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
+    // Adding and subtracting 1.5 * 2^52 rounds to the nearest integer.
+    const ROUND: f64 = 6755399441055744.0;
+    let clamped = x.clamp(-708.0, 709.0);
+    let k = (clamped * LOG2_E + ROUND) - ROUND;
+    let s = (clamped - k * LN2_HIGH) - k * LN2_LOW;
+    // Taylor to degree 13 on |s| <= ln(2)/2: the remainder is 4e-18. Even and odd halves shorten the chain.
+    let s2 = s * s;
+    let s4 = s2 * s2;
+    let s8 = s4 * s4;
+    let p2 = 1.0 / 2.0 + s * (1.0 / 6.0);
+    let p4 = 1.0 / 24.0 + s * (1.0 / 120.0);
+    let p6 = 1.0 / 720.0 + s * (1.0 / 5040.0);
+    let p8 = 1.0 / 40320.0 + s * (1.0 / 362880.0);
+    let p10 = 1.0 / 3628800.0 + s * (1.0 / 39916800.0);
+    let p12 = 1.0 / 479001600.0 + s * (1.0 / 6227020800.0);
+    let tail = (p2 + s2 * p4) + s4 * (p6 + s2 * p8) + s8 * (p10 + s2 * p12);
+    let p = 1.0 + (s + s2 * tail);
+    // 2^k by its exponent bits: k + 1023 is within 2..=2046 after clamping.
+    let power = f64::from_bits(((k as i64 + 1023) << 52) as u64);
+    let y = p * power;
+    if x < -708.0 {
+        0.0
+    } else if x > 709.0 {
+        f64::INFINITY
+    } else {
+        y
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particle::{Locked, Spinning};
+
+    const R: f64 = 0.1;
+
+    fn law<T: Tangential>(tangential: T) -> Law<Dissipative, T> {
+        Law { r: R, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound: Dissipative::new(0.4, 10.0), tangential }
+    }
+
+    #[test]
+    fn exp_is_within_two_units_in_the_last_place() {
+        let mut worst = 0.0f64;
+        for k in 0..400_001 {
+            let x = -700.0 + 1400.0 * k as f64 / 400_000.0 + 1e-7;
+            let exact = x.exp();
+            let ulp = f64::from_bits(exact.to_bits() + 1) - exact;
+            worst = worst.max((exp(x) - exact).abs() / ulp);
+        }
+        assert!(worst <= 2.0, "{worst} ulp");
+    }
+
+    #[test]
+    fn exp_has_no_surprises_at_its_ends() {
+        assert_eq!(exp(0.0), 1.0);
+        assert_eq!(exp(f64::NEG_INFINITY), 0.0);
+        assert_eq!(exp(-709.0), 0.0);
+        assert_eq!(exp(710.0), f64::INFINITY);
+        assert_eq!(exp(f64::INFINITY), f64::INFINITY);
+        assert!(exp(f64::NAN).is_nan());
+        assert!(exp(709.0).is_finite());
+    }
+
+    #[test]
+    fn rebound_goes_from_one_to_e_squared_through_their_mean() {
+        let rho = Dissipative::new(0.4, 10.0);
+        assert!((rho.share(0.0) - 0.58).abs() < 1e-15);
+        assert!((rho.share(10.0) - 1.0).abs() < 1e-15);
+        assert!((rho.share(-10.0) - 0.16).abs() < 1e-15);
+        assert_eq!(rho.share(-1e9), 0.4 * 0.4);
+        // Against the printed form of eq. (2.4).
+        for v in [-0.3, -0.01, 1e-9, 0.02, 0.7] {
+            let printed = 0.16 + 0.5 * (1.0 - 0.16) * (1.0 + (10.0 * v as f64).tanh());
+            assert!((rho.share(v) - printed).abs() < 1e-15);
+        }
+        assert_eq!(Dissipative::new(1.0, 10.0).share(-0.2), Elastic.share(-0.2));
+    }
+
+    #[test]
+    fn limiter_is_smooth_at_its_threshold_and_finite_without_slip() {
+        let c = Coulomb::new(0.2, 0.01);
+        assert_eq!(c.limiter_over_slip(0.0), 0.0);
+        let sigma = |s: f64| s * c.limiter_over_slip(s);
+        assert!((sigma(0.01) - 1.0).abs() < 1e-14);
+        assert!((sigma(0.005) - 0.5).abs() < 1e-14);
+        // The slope vanishes at v_min from below, as it does above.
+        let slope = (sigma(0.01) - sigma(0.01 - 1e-6)) / 1e-6;
+        assert!(slope.abs() < 0.05, "{slope}: its largest value inside is 150");
+        assert_eq!(sigma(3.0), 1.0);
+    }
+
+    #[test]
+    fn repulsion_at_contact_is_f_0_and_falls_by_e_over_one_over_kappa() {
+        let law = law(Frictionless);
+        assert_eq!(law.repulsion(0.0), 10.0);
+        assert!((law.repulsion(1.0 / 150.0) - 10.0 / std::f64::consts::E).abs() < 1e-14);
+    }
+
+    #[test]
+    fn torque_vanishes_without_slip() {
+        // Two spheres rolling on each other like gears: surfaces at equal velocity.
+        let n = Vec3::x();
+        let w = Vec3::new(0.0, 0.0, 4.0);
+        let v_rel = w.cross(&n) * R;
+        let action = law(Coulomb::new(0.2, 0.01)).action(-0.001, &n, &v_rel, &Spinning(w));
+        assert_eq!(action.torque.0, Vec3::zeros());
+        assert_eq!(action.force.y, 0.0);
+        assert!(action.force.x > 0.0);
+    }
+
+    #[test]
+    fn friction_opposes_slip_with_phi_times_the_full_repulsion() {
+        let v_rel = Vec3::new(0.3, 0.5, 0.0);
+        let action = law(Coulomb::new(0.2, 0.01)).action(-0.002, &Vec3::x(), &v_rel, &Locked);
+        let f = 10.0 * (0.3f64).exp();
+        // Not reduced by rho although the contact is opening: see docs/design.md on the effective friction.
+        assert!((action.force.y + 0.2 * f).abs() < 1e-12);
+        assert!((action.force.x - f * Dissipative::new(0.4, 10.0).share(-0.3)).abs() < 1e-12);
+    }
+
+    #[test]
+    fn partners_feel_opposite_forces_and_equal_torques() {
+        let law = law(Coulomb::new(0.2, 0.01));
+        let n = Vec3::new(0.6, -0.48, 0.64);
+        let v = Vec3::new(0.1, 0.7, -0.2);
+        let spins = Spinning(Vec3::new(3.0, -1.0, 2.0));
+        let on_i = law.action(-0.003, &n, &v, &spins);
+        let on_j = law.action(-0.003, &-n, &-v, &spins);
+        assert_eq!(on_i.force, -on_j.force);
+        assert_eq!(on_i.torque, on_j.torque);
+    }
+
+    #[test]
+    fn stored_energy_is_the_work_of_the_force_at_rest() {
+        let law = law(Frictionless);
+        let (a, b, steps) = (-0.01, 0.1, 200_000);
+        let width = (b - a) / steps as f64;
+        let work: f64 = (0..steps).map(|k| 0.58 * law.repulsion(a + (k as f64 + 0.5) * width) * width).sum();
+        assert!((law.stored_energy(a) - work).abs() < 1e-9 * work);
+        assert_eq!(law.stored_energy(0.1), 0.0);
+        assert_eq!(law.stored_energy(0.2), 0.0);
+    }
+}

@@ -1,0 +1,151 @@
+//! Ghosts: copies of the particles of other ranks that owned particles may touch, refreshed at every stage.
+
+use super::{Comm, Parcels};
+use crate::ode::Linear;
+use crate::particle::{Motion, Spin};
+
+/// Heights that a rank's particles occupy, m; `low > high` when it owns none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extent {
+    /// Lowest centre, m.
+    pub low: f64,
+    /// Highest centre, m.
+    pub high: f64,
+}
+
+impl Extent {
+    /// The extent of the given heights.
+    pub fn of(z: impl Iterator<Item = f64>) -> Self {
+        z.fold(Extent { low: f64::INFINITY, high: f64::NEG_INFINITY }, |extent, z| Extent {
+            low: extent.low.min(z),
+            high: extent.high.max(z),
+        })
+    }
+
+    /// `z` lies within `reach` (m) of the extent; never if the extent is empty.
+    pub fn is_near(&self, z: f64, reach: f64) -> bool {
+        self.low <= self.high && z >= self.low - reach && z <= self.high + reach
+    }
+}
+
+/// Which particles are sent to whom at every stage, and where the received ones go. Any two ranks may be partners:
+/// slabs may be thinner than the reach.
+#[derive(Debug, Default)]
+pub struct Halo {
+    /// Owned particles to send, parcel after parcel.
+    picks: Vec<u32>,
+    outgoing: Parcels,
+    incoming: Parcels,
+    ghosts: usize,
+}
+
+impl Halo {
+    /// Number of ghosts of this rank.
+    pub fn ghosts(&self) -> usize {
+        self.ghosts
+    }
+
+    /// Decides who sends what: every owned particle within `reach` (m) of another rank's extent becomes its ghost.
+    /// Returns the ids of the ghosts in the order in which `refresh` delivers them. Collective.
+    pub fn plan<W: Spin>(
+        &mut self,
+        comm: &dyn Comm,
+        ids: &[u64],
+        y: &[Motion<W>],
+        extents: &[Extent],
+        reach: f64,
+    ) -> Vec<u64> {
+        self.picks.clear();
+        let mut counts = vec![0; comm.size()];
+        for (q, extent) in extents.iter().enumerate().filter(|(q, _)| *q != comm.rank()) {
+            let first = self.picks.len();
+            let near = y.iter().enumerate().filter(|(_, body)| extent.is_near(body.x.z, reach));
+            self.picks.extend(near.map(|(i, _)| i as u32));
+            counts[q] = (self.picks.len() - first) as u64;
+        }
+        let received = comm.transpose(&counts);
+        self.ghosts = received.iter().sum::<u64>() as usize;
+        // Ids travel as numbers: exact below 2^53.
+        let mut outgoing = Parcels::with_counts(&counts);
+        let mut incoming = Parcels::with_counts(&received);
+        for (slot, &i) in outgoing.data.iter_mut().zip(&self.picks) {
+            *slot = ids[i as usize] as f64;
+        }
+        comm.exchange(&outgoing, &mut incoming);
+        let ghost_ids = incoming.data.iter().map(|&id| id as u64).collect();
+        let widen = |count: &u64| count * Motion::<W>::COMPONENTS as u64;
+        self.outgoing = Parcels::with_counts(&counts.iter().map(widen).collect::<Vec<_>>());
+        self.incoming = Parcels::with_counts(&received.iter().map(widen).collect::<Vec<_>>());
+        ghost_ids
+    }
+
+    /// Brings the ghosts up to date with their owners' `y`. Collective for ranks that are partners.
+    pub fn refresh<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], ghosts: &mut [Motion<W>]) {
+        let width = Motion::<W>::COMPONENTS;
+        for (slots, &i) in self.outgoing.data.chunks_exact_mut(width).zip(&self.picks) {
+            y[i as usize].pack(slots);
+        }
+        comm.exchange(&self.outgoing, &mut self.incoming);
+        for (ghost, slots) in ghosts.iter_mut().zip(self.incoming.data.chunks_exact(width)) {
+            *ghost = Motion::unpack(slots);
+        }
+    }
+
+    /// Fresh storage for the ghosts.
+    pub fn room<W: Spin>(&self) -> Vec<Motion<W>> {
+        vec![Motion::zero(); self.ghosts]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::comm::team::team;
+    use crate::particle::{Spinning, Vec3};
+
+    #[test]
+    fn an_empty_extent_is_near_nothing() {
+        let none = Extent::of(std::iter::empty());
+        assert!(!none.is_near(0.0, f64::INFINITY));
+        assert!(Extent::of([1.0].into_iter()).is_near(1.5, 0.5));
+        assert!(!Extent::of([1.0].into_iter()).is_near(1.51, 0.5));
+    }
+
+    #[test]
+    fn ghosts_are_all_particles_of_other_ranks_within_reach() {
+        // Layers of 0.1 m, one to each rank: thinner than the reach, so partners are not only next slabs.
+        for ranks in [1, 2, 4, 5] {
+            team(ranks, |comm| {
+                let body = |id: u64| Motion {
+                    x: Vec3::new(id as f64, 0.0, 0.1 * (id % ranks as u64) as f64),
+                    v: Vec3::new(0.0, id as f64, 0.0),
+                    omega: Spinning(Vec3::new(0.0, 0.0, -(id as f64))),
+                };
+                let owner = |id: u64| (id % ranks as u64) as usize;
+                let ids: Vec<u64> = (0..40).filter(|&id| owner(id) == comm.rank() && owner(id) != 3).collect();
+                let mut y: Vec<_> = ids.iter().map(|&id| body(id)).collect();
+                let extents: Vec<Extent> = (0..ranks)
+                    .map(|q| Extent::of((0..40).filter(|&id| owner(id) == q && q != 3).map(|id| body(id).x.z)))
+                    .collect();
+                let mut halo = Halo::default();
+                let ghost_ids = halo.plan(comm, &ids, &y, &extents, 0.25);
+                let own_z = 0.1 * comm.rank() as f64;
+                let mut expected: Vec<u64> = (0..40)
+                    .filter(|&id| owner(id) != comm.rank() && owner(id) != 3)
+                    .filter(|&id| comm.rank() != 3 && (body(id).x.z - own_z).abs() <= 0.25)
+                    .collect();
+                expected.sort_by_key(|&id| (owner(id), id));
+                assert_eq!(ghost_ids, expected);
+                // What owners change arrives.
+                y.iter_mut().for_each(|body| body.v.x = 7.0);
+                let mut ghosts = halo.room();
+                halo.refresh(comm, &y, &mut ghosts);
+                for (ghost, &id) in ghosts.iter().zip(&ghost_ids) {
+                    let mut sent = body(id);
+                    sent.v.x = 7.0;
+                    assert_eq!(*ghost, sent);
+                }
+            });
+        }
+    }
+}

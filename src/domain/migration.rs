@@ -1,0 +1,164 @@
+//! Particles move to the rank that owns their height; none is ever lost unnoticed.
+
+use super::slabs::Slabs;
+use super::{Comm, Parcels};
+use crate::error::Error;
+use crate::particle::{Motion, Spin};
+
+/// What the ids of all particles add up to; compared after every migration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Census {
+    count: u64,
+    sum: u64,
+    mixed: u64,
+}
+
+impl Census {
+    /// Counts the particles of all ranks. Collective.
+    pub fn take(comm: &dyn Comm, ids: &[u64]) -> Self {
+        let mut sums = [ids.len() as u64, 0, 0];
+        for &id in ids {
+            sums[1] = sums[1].wrapping_add(id);
+            sums[2] = sums[2].wrapping_add(scramble(id));
+        }
+        comm.sum(&mut sums);
+        Census { count: sums[0], sum: sums[1], mixed: sums[2] }
+    }
+
+    /// Number of particles.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Counts again; if anything differs, finds a lost or duplicated id. Ids are 0..count. Collective.
+    pub fn check(&self, comm: &dyn Comm, ids: &[u64], t: f64) -> Result<(), Error> {
+        if Census::take(comm, ids) == *self {
+            return Ok(());
+        }
+        // Every rank counts the ids of its own block.
+        let block = self.count.div_ceil(comm.size() as u64).max(1);
+        let home = |id: u64| ((id / block) as usize).min(comm.size() - 1);
+        let mut counts = vec![0; comm.size()];
+        ids.iter().for_each(|&id| counts[home(id)] += 1);
+        counts[comm.rank()] = 0;
+        let mut incoming = Parcels::with_counts(&comm.transpose(&counts));
+        let mut sorted: Vec<u64> = ids.iter().copied().filter(|&id| home(id) != comm.rank()).collect();
+        sorted.sort_by_key(|&id| home(id));
+        let mut outgoing = Parcels::with_counts(&counts);
+        outgoing.data = sorted.iter().map(|&id| id as f64).collect();
+        comm.exchange(&outgoing, &mut incoming);
+        let first = block * comm.rank() as u64;
+        let mut seen = vec![0u32; block.min(self.count.saturating_sub(first)) as usize];
+        let kept = ids.iter().copied().filter(|&id| home(id) == comm.rank());
+        for id in kept.chain(incoming.data.iter().map(|&id| id as u64)) {
+            if let Some(times) = seen.get_mut((id - first) as usize) {
+                *times += 1;
+            }
+        }
+        // The lowest wrong id of all ranks, by the maximum of its negative; +1/2 marks a duplicate.
+        let wrong = seen.iter().position(|&times| times != 1);
+        let mark = |k: usize| (first + k as u64) as f64 + if seen[k] > 1 { 0.5 } else { 0.0 };
+        let mut lowest = [wrong.map_or(f64::NEG_INFINITY, |k| -mark(k))];
+        comm.max(&mut lowest);
+        let id = -lowest[0];
+        let what = if id.fract() == 0.0 { "lost" } else { "duplicated" };
+        Err(Error::Migration { id: id as u64, what, t })
+    }
+}
+
+/// Mixes the bits of an id (the finaliser of SplitMix64), so that errors do not cancel in a sum.
+fn scramble(id: u64) -> u64 {
+    let mut z = id.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+/// Sends every particle to the owner of its height and sorts what this rank owns by id. Collective.
+pub fn migrate<W: Spin>(comm: &dyn Comm, slabs: &Slabs, ids: &mut Vec<u64>, y: &mut Vec<Motion<W>>) {
+    if comm.size() > 1 {
+        let owners: Vec<usize> = y.iter().map(|body| slabs.owner(body.x.z)).collect();
+        let width = 1 + Motion::<W>::COMPONENTS;
+        let mut counts = vec![0; comm.size()];
+        owners.iter().filter(|&&q| q != comm.rank()).for_each(|&q| counts[q] += width as u64);
+        let mut incoming = Parcels::with_counts(&comm.transpose(&counts));
+        let mut outgoing = Parcels::with_counts(&counts);
+        let mut leaving: Vec<usize> = (0..y.len()).filter(|&i| owners[i] != comm.rank()).collect();
+        leaving.sort_by_key(|&i| owners[i]);
+        for (slots, &i) in outgoing.data.chunks_exact_mut(width).zip(&leaving) {
+            // Ids travel as numbers: exact below 2^53.
+            slots[0] = ids[i] as f64;
+            y[i].pack(&mut slots[1..]);
+        }
+        comm.exchange(&outgoing, &mut incoming);
+        let mut stays = owners.iter().map(|&q| q == comm.rank());
+        ids.retain(|_| stays.next().unwrap_or(true));
+        let mut stays = owners.iter().map(|&q| q == comm.rank());
+        y.retain(|_| stays.next().unwrap_or(true));
+        for slots in incoming.data.chunks_exact(width) {
+            ids.push(slots[0] as u64);
+            y.push(Motion::unpack(&slots[1..]));
+        }
+    }
+    if !ids.is_sorted() {
+        let mut order: Vec<usize> = (0..ids.len()).collect();
+        order.sort_unstable_by_key(|&i| ids[i]);
+        *y = order.iter().map(|&i| y[i]).collect();
+        ids.sort_unstable();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Solo;
+    use crate::domain::comm::team::team;
+    use crate::particle::{Locked, Vec3};
+
+    fn body(id: u64) -> Motion<Locked> {
+        Motion { x: Vec3::new(0.5, 0.0, (id as f64 * 0.37).sin()), v: Vec3::new(id as f64, 0.0, 0.0), omega: Locked }
+    }
+
+    #[test]
+    fn particles_arrive_at_the_owner_of_their_height_sorted_by_id() {
+        for ranks in 1..=5 {
+            team(ranks, |comm| {
+                let mut ids: Vec<u64> = (0..200).rev().filter(|id| *id as usize % ranks == comm.rank()).collect();
+                let mut y: Vec<_> = ids.iter().map(|&id| body(id)).collect();
+                let census = Census::take(comm, &ids);
+                assert_eq!(census.count(), 200);
+                let mut slabs = Slabs::new(ranks);
+                slabs.balance(comm, y.iter().map(|body| body.x.z));
+                migrate(comm, &slabs, &mut ids, &mut y);
+                assert_eq!(census.check(comm, &ids, 0.0), Ok(()));
+                assert!(ids.is_sorted());
+                assert!(y.iter().all(|body| slabs.owner(body.x.z) == comm.rank()));
+                assert!(ids.iter().zip(&y).all(|(&id, found)| *found == body(id)));
+            });
+        }
+    }
+
+    #[test]
+    fn a_lost_particle_is_named() {
+        let ids: Vec<u64> = (0..100).collect();
+        let census = Census::take(&Solo, &ids);
+        let fewer: Vec<u64> = ids.iter().copied().filter(|&id| id != 42).collect();
+        assert_eq!(census.check(&Solo, &fewer, 1.5), Err(Error::Migration { id: 42, what: "lost", t: 1.5 }));
+        let mut twice = fewer.clone();
+        twice.push(17);
+        assert_eq!(census.check(&Solo, &twice, 1.5), Err(Error::Migration { id: 17, what: "duplicated", t: 1.5 }));
+    }
+
+    #[test]
+    fn a_particle_lost_on_any_rank_is_named_on_all() {
+        for ranks in 2..=4 {
+            team(ranks, |comm| {
+                let mut ids: Vec<u64> = (0..50).filter(|id| *id as usize % ranks == comm.rank()).collect();
+                let census = Census::take(comm, &ids);
+                ids.retain(|&id| id != 31);
+                let lost = Error::Migration { id: 31, what: "lost", t: 0.25 };
+                assert_eq!(census.check(comm, &ids, 0.25), Err(lost));
+            });
+        }
+    }
+}

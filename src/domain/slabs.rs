@@ -1,0 +1,166 @@
+//! Slabs along z: which rank owns which particle. Bounds follow the particles; they never touch the physics.
+
+use super::Comm;
+
+/// A rank may own this many times its fair share before the bounds move.
+const TOLERATED_IMBALANCE: f64 = 1.1;
+
+/// Bounds of the slabs of all ranks, the same on every rank.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Slabs {
+    /// Rank q owns `bounds[q] <= z < bounds[q + 1]`, m; the first is -infinity, the last +infinity.
+    bounds: Vec<f64>,
+    /// Imbalance that the last move of the bounds could not remove.
+    achieved: f64,
+}
+
+impl Slabs {
+    /// All particles to rank 0, until the bounds are balanced.
+    pub fn new(ranks: usize) -> Self {
+        let mut bounds = vec![f64::INFINITY; ranks + 1];
+        bounds[0] = f64::NEG_INFINITY;
+        Slabs { bounds, achieved: 1.0 }
+    }
+
+    /// The rank that owns height `z` (m).
+    pub fn owner(&self, z: f64) -> usize {
+        let inner = &self.bounds[1..self.bounds.len() - 1];
+        inner.partition_point(|&bound| bound <= z)
+    }
+
+    /// Lower and upper bound of a rank's slab, m.
+    pub fn of(&self, rank: usize) -> (f64, f64) {
+        (self.bounds[rank], self.bounds[rank + 1])
+    }
+
+    /// Moves the bounds to equal counts if some rank owns too much. `counts[q]` is what rank q owns now. Collective,
+    /// and every rank decides alike. Returns whether the bounds moved.
+    pub fn follow(&mut self, comm: &dyn Comm, z: impl Iterator<Item = f64>, counts: &[u64]) -> bool {
+        let imbalance = imbalance(counts);
+        if comm.size() == 1 || imbalance <= TOLERATED_IMBALANCE * self.achieved {
+            return false;
+        }
+        self.balance(comm, z);
+        true
+    }
+
+    /// Moves the bounds so that every rank owns the same number of particles, as far as equal heights allow.
+    /// Collective.
+    pub fn balance(&mut self, comm: &dyn Comm, z: impl Iterator<Item = f64>) {
+        let ranks = comm.size();
+        if ranks == 1 {
+            return;
+        }
+        let mut z: Vec<f64> = z.collect();
+        z.sort_unstable_by(f64::total_cmp);
+        let mut total = [z.len() as u64];
+        comm.sum(&mut total);
+        let wanted: Vec<u64> = (1..ranks as u64).map(|q| total[0] * q / ranks as u64).collect();
+        // Bisection on the bit patterns of all inner bounds at once: 64 rounds find any double, however far the
+        // furthest particle is, and a count that is met ends the search of its bound.
+        let mut low = vec![ordered(f64::NEG_INFINITY); ranks - 1];
+        let mut high = vec![ordered(f64::INFINITY); ranks - 1];
+        let mut below = vec![0; ranks - 1];
+        for _ in 0..64 {
+            if low.iter().zip(&high).all(|(low, high)| high - low <= 1) {
+                break;
+            }
+            let middle: Vec<u64> = low.iter().zip(&high).map(|(low, high)| low + (high - low) / 2).collect();
+            for (count, &m) in below.iter_mut().zip(&middle) {
+                let bound = value(m);
+                *count = z.partition_point(|&z| z < bound) as u64;
+            }
+            comm.sum(&mut below);
+            for k in 0..ranks - 1 {
+                if below[k] <= wanted[k] {
+                    low[k] = middle[k];
+                }
+                if below[k] >= wanted[k] {
+                    high[k] = middle[k];
+                }
+            }
+        }
+        for (k, &h) in high.iter().enumerate() {
+            self.bounds[k + 1] = value(h);
+        }
+        let mut counts = vec![0; ranks];
+        z.iter().for_each(|&z| counts[self.owner(z)] += 1);
+        comm.sum(&mut counts);
+        self.achieved = imbalance(&counts);
+    }
+}
+
+/// Largest count over the mean count; 1 is perfect.
+pub fn imbalance(counts: &[u64]) -> f64 {
+    let total: u64 = counts.iter().sum();
+    let largest = counts.iter().copied().max().unwrap_or(0);
+    if total == 0 { 1.0 } else { largest as f64 * counts.len() as f64 / total as f64 }
+}
+
+/// Doubles as integers in the same order.
+fn ordered(x: f64) -> u64 {
+    let bits = x.to_bits();
+    if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
+}
+
+/// Inverse of `ordered`.
+fn value(order: u64) -> f64 {
+    f64::from_bits(if order >> 63 == 1 { order & !(1 << 63) } else { !order })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::comm::team::team;
+
+    #[test]
+    fn integers_keep_the_order_of_doubles() {
+        let sorted = [f64::NEG_INFINITY, -1e300, -1.0, -1e-300, 0.0, 1e-300, 2.0, 1e300, f64::INFINITY];
+        assert!(sorted.windows(2).all(|w| ordered(w[0]) < ordered(w[1])));
+        assert!(sorted.iter().all(|&x| value(ordered(x)) == x));
+    }
+
+    #[test]
+    fn every_height_has_one_owner() {
+        let slabs = Slabs { bounds: vec![f64::NEG_INFINITY, 0.0, 0.0, 2.5, f64::INFINITY], achieved: 1.0 };
+        for (z, rank) in [(-1e300, 0), (-0.1, 0), (0.0, 2), (2.4, 2), (2.5, 3), (1e300, 3)] {
+            assert_eq!(slabs.owner(z), rank);
+            let (low, high) = slabs.of(rank);
+            assert!(low <= z && z < high);
+        }
+    }
+
+    #[test]
+    fn bounds_give_every_rank_its_share() {
+        for ranks in 2..=5 {
+            team(ranks, |comm| {
+                // Rank 0 holds everything, one particle is very far away.
+                let z: Vec<f64> = match comm.rank() {
+                    0 => (0..1000).map(|k| if k == 77 { -1e200 } else { f64::from(k % 500).sqrt() }).collect(),
+                    _ => Vec::new(),
+                };
+                let mut slabs = Slabs::new(ranks);
+                let mut counts = vec![0; ranks];
+                counts[0] = 1000;
+                assert!(slabs.follow(comm, z.iter().copied(), &counts));
+                let mut owned = vec![0; ranks];
+                z.iter().for_each(|&z| owned[slabs.owner(z)] += 1);
+                comm.sum(&mut owned);
+                assert!(owned.iter().all(|&n| n.abs_diff(1000 / ranks as u64) <= 3), "{owned:?}");
+                assert!(!slabs.follow(comm, z.iter().copied(), &owned));
+            });
+        }
+    }
+
+    #[test]
+    fn equal_heights_stay_together_without_a_search_at_every_rebuild() {
+        team(3, |comm| {
+            let z = vec![1.0; if comm.rank() == 1 { 60 } else { 0 }];
+            let mut slabs = Slabs::new(3);
+            assert!(slabs.follow(comm, z.iter().copied(), &[0, 60, 0]));
+            let owner = slabs.owner(1.0);
+            assert!(owner < 3);
+            assert!(!slabs.follow(comm, z.iter().copied(), &[0, 60, 0]));
+        });
+    }
+}

@@ -1,0 +1,340 @@
+//! The right-hand side, eqs. (2.13)-(2.15), of a system of particles that is spread over ranks.
+
+use crate::contact::{Law, Rebound, Tangential};
+use crate::domain::halo::{Extent, Halo};
+use crate::domain::migration::{self, Census};
+use crate::domain::slabs::Slabs;
+use crate::domain::{Comm, exact};
+use crate::error::Error;
+use crate::forces::{Broken, Forces, Setting};
+use crate::ode::{Ivp, Verdict, larger};
+use crate::particle::{Motion, Spin, Vec3};
+use fail::fail_point;
+use std::time::{Duration, Instant};
+
+/// The furthest that a step may move a particle, as a share of its radius. Twice that, from both sides of a contact,
+/// is far less than the way through a sphere, so no collision is stepped over at any tolerance.
+pub const TRAVEL: f64 = 0.3;
+
+/// How far beyond `l_max` lists and ghosts reach, as a share of the radius. Twice the travel at least: two particles
+/// may approach each other.
+pub const SKIN: f64 = 2.0 * TRAVEL;
+
+/// Time spent in the parts of the work on this rank.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Clocks {
+    /// Waiting for and copying ghosts.
+    pub ghosts: Duration,
+    /// Contacts and sums.
+    pub forces: Duration,
+    /// Lists, migration, slab bounds.
+    pub lists: Duration,
+    /// Agreement on the error.
+    pub reduction: Duration,
+}
+
+/// Extremes over all particles of one state, known to all ranks.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Extremes {
+    /// Largest speed, m/s.
+    pub speed: f64,
+    /// Largest distance from the place where the lists were built, m.
+    pub drift: f64,
+}
+
+/// Equations of motion of all particles, of which this rank owns some.
+pub struct Dynamics<'c, R, T, W> {
+    comm: &'c dyn Comm,
+    forces: Forces<R, T, W>,
+    census: Census,
+    slabs: Slabs,
+    halo: Halo,
+    /// Ids of the owned particles, ascending, then of the ghosts.
+    ids: Vec<u64>,
+    /// Where the owned particles were when the lists were built, m.
+    origin: Vec<Vec3>,
+    /// Where the owned particles were when the trial step began, m.
+    start: Vec<Vec3>,
+    /// Largest squared distance of any stage from `origin` and from `start`, m^2.
+    moved: [f64; 2],
+    /// Of the accepted state.
+    extremes: Extremes,
+    /// Of the result of the last trial.
+    candidate: Extremes,
+    pair_evaluations: u64,
+    rebuilds: u64,
+    /// Time by part.
+    pub clocks: Clocks,
+}
+
+impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
+    /// Takes the particles `ids` with their states `y`, spread over the ranks in any way, and brings each to the rank
+    /// that owns it. Ids must be 0..count over all ranks. Collective.
+    pub fn new(
+        comm: &'c dyn Comm,
+        law: Law<R, T>,
+        setting: Setting,
+        ids: Vec<u64>,
+        y: &mut Vec<Motion<W>>,
+    ) -> Result<Self, Error> {
+        let mut slabs = Slabs::new(comm.size());
+        slabs.balance(comm, y.iter().map(|body| body.x.z));
+        let mut dynamics = Dynamics {
+            census: Census::take(comm, &ids),
+            comm,
+            forces: Forces::new(law, setting),
+            slabs,
+            halo: Halo::default(),
+            ids,
+            origin: Vec::new(),
+            start: Vec::new(),
+            moved: [0.0; 2],
+            extremes: Extremes::default(),
+            candidate: Extremes::default(),
+            pair_evaluations: 0,
+            rebuilds: 0,
+            clocks: Clocks::default(),
+        };
+        dynamics.forces.owned = y.len();
+        dynamics.rebuild(y, 0.0)?;
+        Ok(dynamics)
+    }
+
+    /// Distance of centres within which pairs are listed, m.
+    pub fn reach(&self) -> f64 {
+        let law = &self.forces.law;
+        2.0 * law.r + law.l_max + SKIN * law.r
+    }
+
+    /// Furthest that a step may move a particle, m.
+    pub fn travel(&self) -> f64 {
+        TRAVEL * self.forces.law.r
+    }
+
+    /// Ids of the owned particles, ascending.
+    pub fn ids(&self) -> &[u64] {
+        &self.ids[..self.forces.owned]
+    }
+
+    /// Number of particles on all ranks.
+    pub fn count(&self) -> u64 {
+        self.census.count()
+    }
+
+    /// Slab bounds.
+    pub fn slabs(&self) -> &Slabs {
+        &self.slabs
+    }
+
+    /// Ghosts of this rank.
+    pub fn ghosts(&self) -> usize {
+        self.halo.ghosts()
+    }
+
+    /// Pairs on the lists of this rank.
+    pub fn listed_pairs(&self) -> usize {
+        self.forces.lists.pairs.len()
+    }
+
+    /// Pairs within `l_max` that were evaluated so far, each counted once over all ranks. Collective.
+    pub fn pair_evaluations(&self) -> u64 {
+        let mut sum = [self.pair_evaluations];
+        self.comm.sum(&mut sum);
+        sum[0]
+    }
+
+    /// How often the lists were built.
+    pub fn rebuilds(&self) -> u64 {
+        self.rebuilds
+    }
+
+    /// Memory held for particles, ghosts and lists, bytes.
+    pub fn bytes(&self) -> usize {
+        self.forces.bytes()
+            + (self.origin.capacity() + self.start.capacity()) * size_of::<Vec3>()
+            + self.ids.capacity() * size_of::<u64>()
+    }
+
+    /// Extremes of the result of the last trial.
+    pub fn candidate(&self) -> Extremes {
+        self.candidate
+    }
+
+    /// The state with these extremes is accepted.
+    pub fn commit(&mut self, extremes: Extremes) {
+        self.extremes = extremes;
+    }
+
+    /// The lists were built at the accepted state.
+    pub fn lists_are_fresh(&self) -> bool {
+        self.extremes.drift == 0.0
+    }
+
+    /// The largest step from the accepted state that moves no particle too far, as its speed lets expect, s.
+    pub fn step_limit(&self) -> f64 {
+        0.9 * self.travel() / self.extremes.speed
+    }
+
+    /// A step `h` (s) from the accepted state is likely to outrun the lists.
+    pub fn will_outrun(&self, h: f64) -> bool {
+        self.extremes.drift + self.extremes.speed * h > self.free_path()
+    }
+
+    /// How far a particle may move before the lists must be rebuilt, m.
+    fn free_path(&self) -> f64 {
+        0.5 * SKIN * self.forces.law.r
+    }
+
+    /// Migrates particles to their owners, moves slab bounds after them, and lists neighbours afresh. `y` may change
+    /// in length and order. Collective.
+    pub fn rebuild(&mut self, y: &mut Vec<Motion<W>>, t: f64) -> Result<(), Error> {
+        let clock = Instant::now();
+        self.ids.truncate(self.forces.owned);
+        let counts: Vec<u64> = self.gather([y.len() as f64]).into_iter().map(|[n]| n as u64).collect();
+        self.slabs.follow(self.comm, y.iter().map(|body| body.x.z), &counts);
+        migration::migrate(self.comm, &self.slabs, &mut self.ids, y);
+        self.census.check(self.comm, &self.ids, t)?;
+        let own = Extent::of(y.iter().map(|body| body.x.z));
+        let extents = self.gather([own.low, own.high]).into_iter().map(|[low, high]| Extent { low, high });
+        let reach = self.reach();
+        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, &extents.collect::<Vec<_>>(), reach);
+        self.ids.extend(ghost_ids);
+        self.forces.seat(y, self.halo.ghosts());
+        self.halo.refresh(self.comm, y, self.forces.ghosts());
+        self.forces.list(&self.ids, reach, reach - self.forces.law.r);
+        self.origin.clear();
+        self.origin.extend(y.iter().map(|body| body.x));
+        let mut speed = [fastest(y)];
+        self.comm.max(&mut speed);
+        self.extremes = Extremes { speed: speed[0], drift: 0.0 };
+        self.rebuilds += 1;
+        self.clocks.lists += clock.elapsed();
+        Ok(())
+    }
+
+    /// `own` of every rank, by rank. Collective.
+    fn gather<const K: usize>(&self, own: [f64; K]) -> Vec<[f64; K]> {
+        let mut all = vec![[0.0; K]; self.comm.size()];
+        self.comm.all_gather(&own, all.as_flattened_mut());
+        all
+    }
+
+    /// Puts owned bodies and ghosts where `y` says. Collective.
+    fn place(&mut self, y: &[Motion<W>]) {
+        self.halo.refresh(self.comm, y, self.forces.ghosts());
+        self.forces.place(y, &self.origin, &self.origin);
+    }
+
+    /// Why the right-hand side at `y` is not finite, if so: the contact with the lowest ids. Collective.
+    pub fn explain(&mut self, y: &[Motion<W>], t: f64) -> Option<Error> {
+        self.place(y);
+        self.forces.evaluate_pairs();
+        let ids = |i: usize| self.ids[i] as f64;
+        let sort = |broken: Broken| match broken {
+            Broken::Pair(i, j, d) => [0.0, ids(i), ids(j), d],
+            Broken::Wall(i, k, overlap) => [1.0, ids(i), k as f64, overlap],
+        };
+        let order = |a: &[f64; 4], b: &[f64; 4]| a.partial_cmp(b).expect("ids and lengths are not NaN");
+        let own = self.forces.broken().map(sort).min_by(order);
+        let all = self.gather(own.unwrap_or([f64::INFINITY; 4]));
+        match all.into_iter().min_by(order)? {
+            [0.0, i, j, 0.0] => Some(Error::Coincident { i: i as u64, j: j as u64, t }),
+            [0.0, i, j, d] => {
+                let overlap = 2.0 * self.forces.law.r - d;
+                Some(Error::PairForce { i: i as u64, j: j as u64, overlap, t })
+            }
+            [1.0, i, k, overlap] => Some(Error::WallForce { i: i as u64, wall: k as usize, overlap, t }),
+            _ => None,
+        }
+    }
+
+    /// The id of the particle for which `badness` (by local index; NaN is worst) is largest; the lowest such id.
+    /// Collective.
+    pub fn worst(&self, badness: impl Fn(usize) -> f64) -> u64 {
+        let mut own = [f64::NEG_INFINITY, f64::INFINITY];
+        for (i, &id) in self.ids().iter().enumerate() {
+            let found = larger(own[0], badness(i));
+            if found > own[0] {
+                own = [found, id as f64];
+            }
+        }
+        let all = self.gather(own);
+        let top = all.iter().fold(f64::NEG_INFINITY, |top, own| top.max(own[0]));
+        all.iter().filter(|own| own[0] == top).fold(f64::INFINITY, |id, own| id.min(own[1])) as u64
+    }
+
+    /// Kinetic energy of all particles at `y`, J. Collective.
+    pub fn kinetic_energy(&self, y: &[Motion<W>]) -> f64 {
+        let Setting { mass, inverse_inertia, .. } = self.forces.setting;
+        // An infinite inertia (1/I = 0) holds no energy at w = 0, the only spin that it allows.
+        let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
+        let energy = |body: &Motion<W>| {
+            0.5 * mass * body.v.norm_squared() + 0.5 * inertia * body.omega.vector().norm_squared()
+        };
+        exact::exact_sum(self.comm, y.iter().map(energy))
+    }
+
+    /// Potential energy (J) of all contacts and heights at `y`: rho[0] times the stored energy, so that H of
+    /// docs/design.md never grows; and the largest overlap (m). Collective.
+    pub fn potential_energy(&mut self, y: &[Motion<W>]) -> (f64, f64) {
+        self.place(y);
+        let forces = &self.forces;
+        let energy = exact::exact_sum(self.comm, (0..y.len()).map(|i| forces.potential_energy(i)));
+        let mut overlap = [forces.largest_overlap()];
+        self.comm.max(&mut overlap);
+        (energy, overlap[0])
+    }
+
+    /// Height of the highest point of any sphere against gravity (along z without gravity), from the origin, m.
+    /// Collective.
+    pub fn bed_height(&self, y: &[Motion<W>]) -> f64 {
+        let up = (-self.forces.setting.gravity).try_normalize(0.0).unwrap_or(Vec3::z());
+        let mut top = [y.iter().map(|body| up.dot(&body.x)).fold(f64::NEG_INFINITY, f64::max)];
+        self.comm.max(&mut top);
+        top[0] + self.forces.law.r
+    }
+}
+
+/// Largest speed, m/s.
+fn fastest<W>(y: &[Motion<W>]) -> f64 {
+    y.iter().fold(0.0, |speed, body| larger(speed, body.v.norm_squared())).sqrt()
+}
+
+impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
+    type State = Motion<W>;
+
+    fn begin(&mut self, y: &[Motion<W>]) {
+        self.start.clear();
+        self.start.extend(y.iter().map(|body| body.x));
+        self.moved = [0.0; 2];
+    }
+
+    fn rhs(&mut self, _t: f64, y: &[Motion<W>], dydt: &mut [Motion<W>]) {
+        fail_point!("rhs");
+        let clock = Instant::now();
+        self.halo.refresh(self.comm, y, self.forces.ghosts());
+        let refreshed = Instant::now();
+        let moved = self.forces.place(y, &self.origin, &self.start);
+        self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
+        self.pair_evaluations += self.forces.evaluate_pairs();
+        self.forces.accelerate(dydt);
+        self.clocks.ghosts += refreshed - clock;
+        self.clocks.forces += refreshed.elapsed();
+    }
+
+    fn agree(&mut self, error: f64, next: &[Motion<W>]) -> Verdict {
+        let clock = Instant::now();
+        let square = |(body, origin): (&Motion<W>, &Vec3)| (body.x - origin).norm_squared();
+        let drift = next.iter().zip(&self.origin).map(square).fold(0.0, larger);
+        let mut shared = [error, self.moved[0], self.moved[1], fastest(next), drift.sqrt()];
+        self.comm.max(&mut shared);
+        let [error, from_origin, from_start, speed, drift] = shared;
+        self.candidate = Extremes { speed, drift };
+        self.clocks.reduction += clock.elapsed();
+        Verdict {
+            error,
+            covered: from_origin <= self.free_path().powi(2),
+            within_travel: from_start <= self.travel().powi(2),
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Everything that can end a run early, each with the exit code that tells a script what happened.
+
+use thiserror::Error;
+
+/// A reason to stop. Messages are lower case, without a full stop, with value, unit and time.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum Error {
+    /// Something found before the first step: scene, particles, command line, output location.
+    /// The text is complete: it names the key or file, the value and what would be right.
+    #[error("{0}")]
+    Input(String),
+
+    /// Two particles share one centre: the direction of their contact is undefined.
+    #[error("the centres of particles {i} and {j} coincide at t = {t} s: a contact between them has no direction")]
+    Coincident {
+        /// Lower particle id.
+        i: u64,
+        /// Higher particle id.
+        j: u64,
+        /// Time, s.
+        t: f64,
+    },
+
+    /// The force between two particles is beyond the range of a double.
+    #[error(
+        "the force between particles {i} and {j} is not finite at t = {t} s: their overlap is {overlap} m and \
+         exp(contact.stiffness_exponent * overlap) overflows beyond 709"
+    )]
+    PairForce {
+        /// Lower particle id.
+        i: u64,
+        /// Higher particle id.
+        j: u64,
+        /// Overlap, m.
+        overlap: f64,
+        /// Time, s.
+        t: f64,
+    },
+
+    /// The force between a particle and a wall is beyond the range of a double.
+    #[error(
+        "the force of wall {wall} on particle {i} is not finite at t = {t} s: its overlap is {overlap} m and \
+         exp(contact.stiffness_exponent * overlap) overflows beyond 709"
+    )]
+    WallForce {
+        /// Particle id.
+        i: u64,
+        /// Wall number: sides of the box first (min x, max x, min y, ...), then `container.wall` in order.
+        wall: usize,
+        /// Overlap, m.
+        overlap: f64,
+        /// Time, s.
+        t: f64,
+    },
+
+    /// No step at or above the smallest allowed one gives a finite state.
+    #[error(
+        "no finite step from t = {t} s: the step fell to {h} s (solver.min_step = {min_step} s), limited by particle {i}"
+    )]
+    NoStep {
+        /// Time, s.
+        t: f64,
+        /// Step that was tried last, s.
+        h: f64,
+        /// `solver.min_step`, s.
+        min_step: f64,
+        /// Id of the particle that limits the step.
+        i: u64,
+    },
+
+    /// A particle is so fast that it would outrun its neighbours within the smallest allowed step.
+    #[error(
+        "particle {i} is too fast at t = {t} s: within a step of {h} s (solver.min_step) it moves by more than \
+         {travel} m (0.3 particles.radius), and a collision could be missed"
+    )]
+    TooFast {
+        /// Time, s.
+        t: f64,
+        /// Step that was tried last, s.
+        h: f64,
+        /// Particle id.
+        i: u64,
+        /// Furthest that a step may move a particle, m.
+        travel: f64,
+    },
+
+    /// Steps at the minimum were accepted too often: the error estimate is rounding noise.
+    #[error(
+        "solver.tolerance = {tolerance} is below round-off: {forced} of {accepted} steps up to t = {t} s were accepted \
+         at solver.min_step = {min_step} s with a larger error (step {h} s, limited by particle {i}); \
+         a larger tolerance would do"
+    )]
+    BelowRoundOff {
+        /// `solver.tolerance`.
+        tolerance: f64,
+        /// Steps accepted at the minimum in spite of their error.
+        forced: u64,
+        /// All accepted steps.
+        accepted: u64,
+        /// Time, s.
+        t: f64,
+        /// Current step, s.
+        h: f64,
+        /// `solver.min_step`, s.
+        min_step: f64,
+        /// Id of the particle that limits the step.
+        i: u64,
+    },
+
+    /// A frame could not be written after the run had started.
+    #[error("cannot write to {file}: {why}")]
+    Output {
+        /// The output file as the user named it.
+        file: String,
+        /// What the system or HDF5 said.
+        why: String,
+    },
+
+    /// Particle bookkeeping is broken: a bug, never a user's mistake.
+    #[error("particle {id} was {what} while particles migrated between ranks at t = {t} s")]
+    Migration {
+        /// Particle id.
+        id: u64,
+        /// `lost` or `duplicated`.
+        what: &'static str,
+        /// Time, s.
+        t: f64,
+    },
+}
+
+impl Error {
+    /// Exit code of the program: 2 before the first step, 3 numerical failure, 4 output, 70 internal.
+    pub fn exit_code(&self) -> i32 {
+        match self {
+            Error::Input(_) => 2,
+            Error::Coincident { .. }
+            | Error::PairForce { .. }
+            | Error::WallForce { .. }
+            | Error::NoStep { .. }
+            | Error::TooFast { .. }
+            | Error::BelowRoundOff { .. } => 3,
+            Error::Output { .. } => 4,
+            Error::Migration { .. } => 70,
+        }
+    }
+}

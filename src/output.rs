@@ -1,0 +1,244 @@
+//! The output file: VTKHDF 2.0, temporal PolyData, one HDF5 file that ParaView, VTK, pyvista and h5py open as it is.
+//!
+//! All ranks write one file through MPI-IO, each its block of rows in id order. A frame is written so that a reader or
+//! a crash never meets half of one: all data and a flush, then the time and `NSteps` and another flush; readers trust
+//! `NSteps` alone. docs/design.md has the list of groups and arrays.
+
+mod collective;
+mod frames;
+mod place;
+#[cfg(test)]
+mod tests;
+
+use std::mem;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use crate::domain::comm::Comm;
+use crate::error::Error;
+use frames::Frames;
+
+/// What the run says of itself once, as attributes of `/run`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunInfo {
+    /// Version of the program.
+    pub version: String,
+    /// Commit it was built from.
+    pub commit: String,
+    /// The scene as resolved, TOML.
+    pub scene: String,
+    /// `solver.method`.
+    pub method: String,
+    /// `solver.tolerance`, in the units of the method's norm.
+    pub tolerance: f64,
+    /// Mass of one particle, kg.
+    pub mass: f64,
+    /// Number of MPI ranks.
+    pub ranks: usize,
+    /// Threads of each rank.
+    pub threads: usize,
+    /// Vector instructions in use, such as `avx2+fma`.
+    pub instruction_set: String,
+}
+
+/// The run at the time of a frame: one row of `/run/series`, and the attributes of `/run` that count.
+///
+/// Counts and sums are of the whole run, the same on every rank; of `wall_seconds` rank 0's is taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Measures {
+    /// Time of the frame, s.
+    pub time: f64,
+    /// Size of the last accepted step, s.
+    pub step: f64,
+    /// Accepted steps.
+    pub steps_accepted: u64,
+    /// Steps rejected for their error.
+    pub steps_rejected: u64,
+    /// Trials that outran the contact lists.
+    pub steps_outrun: u64,
+    /// Evaluations of the right-hand side; a collective one counts once.
+    pub rhs_evaluations: u64,
+    /// Evaluations of a pair of particles.
+    pub pair_evaluations: u64,
+    /// Steps accepted at `solver.min_step` in spite of their error; an attribute only.
+    pub forced_accepts: u64,
+    /// Kinetic energy of all particles, rotation included, J.
+    pub kinetic_energy: f64,
+    /// Potential energy of all particles, J.
+    pub potential_energy: f64,
+    /// Largest overlap of two bodies, m.
+    pub largest_overlap: f64,
+    /// Height of the bed, m.
+    pub bed_height: f64,
+    /// Wall time since the start, s.
+    pub wall_seconds: f64,
+}
+
+/// The rows of a frame that this rank writes: rows `first..first + position.len()` of the id order. The blocks of the
+/// ranks follow one another by rank and may be empty.
+#[derive(Debug, Clone, Copy)]
+pub struct Rows<'a> {
+    /// Id of the first row.
+    pub first: u64,
+    /// Centres, m; one per row.
+    pub position: &'a [[f64; 3]],
+    /// Velocities, m/s; as long as `position`.
+    pub velocity: &'a [[f64; 3]],
+    /// Angular velocities, 1/s; as long as `position`, and there exactly if rotation is on.
+    pub angular_velocity: Option<&'a [[f64; 3]]>,
+}
+
+/// An output file that grows by frames.
+///
+/// After an error nothing of the file may be touched any more, by any rank: the next collective call could wait for
+/// ever. So a failed `Output` leaves the file open and answers every later call with an error, without any call to
+/// HDF5; dropping it is safe. Which ranks see an error depends on the error: whoever gets one says so and calls
+/// `Comm::abort`, without finalising MPI (which would make HDF5 close the file). The file then holds all complete
+/// frames.
+///
+/// Dropping a sound `Output` closes the file at its last frame, with `completed = 0`; that is collective too.
+pub struct Output<'a> {
+    comm: &'a dyn Comm,
+    path: PathBuf,
+    frames: Option<Frames>,
+    transfer: String,
+}
+
+impl<'a> Output<'a> {
+    /// Whether about `estimated_bytes` can be written to `path`; without `force` nothing may be there yet. Rank 0
+    /// looks, all ranks get its verdict: the absolute path, or what is wrong and what would be right. Creates nothing.
+    /// Collective.
+    pub fn check_place(
+        comm: &dyn Comm,
+        path: &Path,
+        force: bool,
+        estimated_bytes: u64,
+    ) -> Result<PathBuf, Error> {
+        let mut verdict = Vec::new();
+        if comm.rank() == 0 {
+            verdict = place::to_bytes(&place::look(path, force, estimated_bytes));
+        }
+        comm.broadcast(&mut verdict);
+        place::from_bytes(&verdict).map_err(Error::Input)
+    }
+
+    /// Creates the file, replacing one that exists, with everything a reader needs to find no frames yet. `path` is
+    /// the same on every rank, as `check_place` gives it. `count` spheres of `radius` (m); `id_rows` is this rank's
+    /// block of ids. Collective.
+    pub fn create(
+        comm: &'a dyn Comm,
+        path: &Path,
+        info: &RunInfo,
+        count: u64,
+        radius: f64,
+        rotation: bool,
+        id_rows: Range<u64>,
+    ) -> Result<Output<'a>, Error> {
+        let info = info.agreed(comm);
+        let frames = Frames::create(comm, path, &info, count, radius, rotation, id_rows)
+            .map_err(|why| failure(path, &why))?;
+        Ok(Output { comm, path: path.to_path_buf(), frames: Some(frames), transfer: "none yet".to_string() })
+    }
+
+    /// Appends one frame. Collective.
+    pub fn append(&mut self, rows: &Rows, measures: &Measures) -> Result<(), Error> {
+        let measures = measures.agreed(self.comm);
+        self.transfer = self.guarded(|frames| frames.append(rows, &measures))?;
+        Ok(())
+    }
+
+    /// Marks the run as completed and closes the file. Collective.
+    pub fn finish(mut self, measures: &Measures) -> Result<(), Error> {
+        let measures = measures.agreed(self.comm);
+        self.guarded(|frames| frames.complete(&measures))?;
+        match self.frames.take() {
+            Some(frames) => frames.close().map_err(|why| failure(&self.path, &why)),
+            None => Ok(()),
+        }
+    }
+
+    /// How the rows of the last frame really travelled, as HDF5 itself reports it: `chunk collective` when all ranks
+    /// wrote together, `independent (cause ...)` when the library fell back, `serial` without MPI.
+    pub fn transfer_report(&self) -> &str {
+        &self.transfer
+    }
+
+    /// Does something to the file and never touches it again if that fails.
+    fn guarded<R>(&mut self, work: impl FnOnce(&mut Frames) -> hdf5::Result<R>) -> Result<R, Error> {
+        let Some(mut frames) = self.frames.take() else {
+            return Err(Error::Output {
+                file: self.path.display().to_string(),
+                why: "an earlier write had failed".to_string(),
+            });
+        };
+        match work(&mut frames) {
+            Ok(result) => {
+                self.frames = Some(frames);
+                Ok(result)
+            }
+            Err(why) => {
+                let error = failure(&self.path, &why);
+                mem::forget(frames);
+                Err(error)
+            }
+        }
+    }
+}
+
+impl Drop for Output<'_> {
+    fn drop(&mut self) {
+        // Closing is collective; a rank that panics is alone.
+        if std::thread::panicking() {
+            mem::forget(self.frames.take());
+        }
+    }
+}
+
+impl RunInfo {
+    /// Rank 0's, on every rank: metadata that differ between ranks would break the file. Collective.
+    fn agreed(&self, comm: &dyn Comm) -> RunInfo {
+        let text = |own: &str| {
+            let mut bytes = own.as_bytes().to_vec();
+            comm.broadcast(&mut bytes);
+            String::from_utf8_lossy(&bytes).into_owned()
+        };
+        let count = |own: usize| u64::from_le_bytes(agreed(comm, (own as u64).to_le_bytes())) as usize;
+        RunInfo {
+            version: text(&self.version),
+            commit: text(&self.commit),
+            scene: text(&self.scene),
+            method: text(&self.method),
+            tolerance: self.tolerance,
+            mass: self.mass,
+            ranks: count(self.ranks),
+            threads: count(self.threads),
+            instruction_set: text(&self.instruction_set),
+        }
+    }
+}
+
+impl Measures {
+    /// The same with rank 0's clock. Collective.
+    fn agreed(&self, comm: &dyn Comm) -> Measures {
+        Measures { wall_seconds: f64::from_le_bytes(agreed(comm, self.wall_seconds.to_le_bytes())), ..*self }
+    }
+}
+
+/// Rank 0's eight bytes. Collective.
+fn agreed(comm: &dyn Comm, own: [u8; 8]) -> [u8; 8] {
+    let mut bytes = own.to_vec();
+    comm.broadcast(&mut bytes);
+    bytes.try_into().unwrap_or(own)
+}
+
+/// What HDF5 said, and whether the disk is full, which it often does not say.
+fn failure(path: &Path, why: &hdf5::Error) -> Error {
+    let mut why = why.to_string();
+    if let Some(folder) = path.parent()
+        && let Some(free) = place::free_bytes(folder)
+        && free < 1 << 20
+    {
+        why = format!("{why} ({free} bytes are free in {})", folder.display());
+    }
+    Error::Output { file: path.display().to_string(), why }
+}

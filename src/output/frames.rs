@@ -1,0 +1,366 @@
+//! The groups and arrays of the file, and how one frame is added to them.
+
+use std::mem;
+use std::ops::Range;
+use std::path::Path;
+use std::str::FromStr;
+
+use hdf5::plist::dataset_create::FillTime;
+use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
+use hdf5::{Dataset, Extent, File, Group, Location, Result};
+
+use super::collective::{Row, Transfer};
+use super::{Measures, Rows, RunInfo};
+use crate::domain::comm::Comm;
+
+/// Rows that the small arrays, one row per frame, grow by on disk.
+const FRAMES_PER_CHUNK: u64 = 1024;
+/// Longest scene text that is an attribute, bytes; a longer one becomes a dataset.
+const LONGEST_ATTRIBUTE: usize = 60 << 10;
+/// Bytes of one row of a vector quantity.
+const VECTOR_BYTES: u64 = 24;
+
+/// The columns of `/run/series` that are reals.
+type RealColumn = (&'static str, fn(&Measures) -> f64);
+const REAL_COLUMNS: [RealColumn; 7] = [
+    ("time", |m| m.time),
+    ("step", |m| m.step),
+    ("kinetic_energy", |m| m.kinetic_energy),
+    ("potential_energy", |m| m.potential_energy),
+    ("largest_overlap", |m| m.largest_overlap),
+    ("bed_height", |m| m.bed_height),
+    ("wall_seconds", |m| m.wall_seconds),
+];
+
+/// The columns of `/run/series` that are counts.
+type CountColumn = (&'static str, fn(&Measures) -> u64);
+const COUNT_COLUMNS: [CountColumn; 5] = [
+    ("steps_accepted", |m| m.steps_accepted),
+    ("steps_rejected", |m| m.steps_rejected),
+    ("steps_outrun", |m| m.steps_outrun),
+    ("rhs_evaluations", |m| m.rhs_evaluations),
+    ("pair_evaluations", |m| m.pair_evaluations),
+];
+
+/// The counts that are attributes of `/run` as well, as of the last frame.
+const COUNT_ATTRIBUTES: [CountColumn; 5] = [
+    ("steps_accepted", |m| m.steps_accepted),
+    ("steps_rejected", |m| m.steps_rejected),
+    ("steps_outrun", |m| m.steps_outrun),
+    ("rhs_evaluations", |m| m.rhs_evaluations),
+    ("forced_accepts", |m| m.forced_accepts),
+];
+
+/// A bookkeeping array of VTKHDF, one row per frame: `first + k * stride` in row k.
+struct Schedule {
+    array: Dataset,
+    first: i64,
+    stride: i64,
+}
+
+/// The open file. Fields are closed in this order: arrays, groups, file.
+pub struct Frames {
+    position: Dataset,
+    velocity: Dataset,
+    angular_velocity: Option<Dataset>,
+    schedules: Vec<Schedule>,
+    /// Where a frame's cells start, for VTK's four kinds of cells: always 0, all frames share them.
+    cell_offsets: Vec<Dataset>,
+    real_columns: Vec<Dataset>,
+    count_columns: Vec<Dataset>,
+    /// `Steps/Values`, s: never longer than `NSteps` says, or VTK's reader crashes.
+    times: Dataset,
+    steps: Group,
+    run: Group,
+    transfer: Transfer,
+    file: File,
+    /// Particles, the rows of a frame.
+    count: u64,
+    /// T, complete frames in the file.
+    complete: u64,
+    /// Whether this rank writes the small arrays.
+    writes_small: bool,
+}
+
+impl Frames {
+    /// Creates the file with no frames. `info` is the same on every rank. Collective.
+    pub fn create(
+        comm: &dyn Comm,
+        path: &Path,
+        info: &RunInfo,
+        count: u64,
+        radius: f64,
+        rotation: bool,
+        id_rows: Range<u64>,
+    ) -> Result<Self> {
+        let file = {
+            let mut options = File::with_options();
+            if let Some(communicator) = comm.raw() {
+                options.with_fapl(|access| access.mpio(communicator, None));
+            }
+            options.create(path)?
+        };
+        // Closing the file is collective: should the next lines fail, this second handle keeps it open for ever.
+        let keep_open = file.clone();
+        match Self::lay_out(comm, file, info, count, radius, rotation, id_rows) {
+            Ok(frames) => Ok(frames),
+            Err(why) => {
+                mem::forget(keep_open);
+                Err(why)
+            }
+        }
+    }
+
+    fn lay_out(
+        comm: &dyn Comm,
+        file: File,
+        info: &RunInfo,
+        count: u64,
+        radius: f64,
+        rotation: bool,
+        id_rows: Range<u64>,
+    ) -> Result<Self> {
+        let transfer = Transfer::new(comm.raw().is_some())?;
+        let writes_small = comm.rank() == 0;
+        let root = file.create_group("VTKHDF")?;
+        root.new_attr::<i64>().shape(2).create("Version")?.write(&[2_i64, 0])?;
+        let kind = FixedAscii::<8>::from_ascii("PolyData").map_err(|e| e.to_string())?;
+        root.new_attr::<FixedAscii<8>>().create("Type")?.write_scalar(&kind)?;
+        let point_data = root.create_group("PointData")?;
+        let steps = root.create_group("Steps")?;
+        set_new(&steps, "NSteps", 0_i64)?;
+        let offsets = steps.create_group("PointDataOffsets")?;
+
+        let n = count as i64;
+        let mut schedules = Vec::new();
+        let mut schedule = |group: &Group, name: &str, first: i64, stride: i64| -> Result<()> {
+            let array = growing::<i64>(group, name, FRAMES_PER_CHUNK)?;
+            schedules.push(Schedule { array, first, stride });
+            Ok(())
+        };
+        schedule(&root, "NumberOfPoints", n, 0)?;
+        for name in ["Vertices", "Lines", "Polygons", "Strips"] {
+            // Every particle is a vertex; the other kinds of cells must be there and are empty.
+            let cells = root.create_group(name)?;
+            let shown = if name == "Vertices" { n } else { 0 };
+            schedule(&cells, "NumberOfCells", shown, 0)?;
+            schedule(&cells, "NumberOfConnectivityIds", shown, 0)?;
+        }
+        schedule(&steps, "PartOffsets", 0, 1)?;
+        schedule(&steps, "NumberOfParts", 1, 0)?;
+        schedule(&steps, "PointOffsets", 0, n)?;
+        // Every point array needs its offsets, also one that all frames share: ParaView crashed without.
+        schedule(&offsets, "id", 0, 0)?;
+        schedule(&offsets, "radius", 0, 0)?;
+        schedule(&offsets, "velocity", 0, n)?;
+        if rotation {
+            schedule(&offsets, "angular_velocity", 0, n)?;
+        }
+
+        let rows = rows_per_chunk(count);
+        let frames = Frames {
+            position: growing::<[f64; 3]>(&root, "Points", rows)?,
+            velocity: growing::<[f64; 3]>(&point_data, "velocity", rows)?,
+            angular_velocity: rotation
+                .then(|| growing::<[f64; 3]>(&point_data, "angular_velocity", rows))
+                .transpose()?,
+            schedules,
+            cell_offsets: ["CellOffsets", "ConnectivityIdOffsets"]
+                .map(|name| growing::<[i64; 4]>(&steps, name, FRAMES_PER_CHUNK))
+                .into_iter()
+                .collect::<Result<_>>()?,
+            times: growing::<f64>(&steps, "Values", FRAMES_PER_CHUNK)?,
+            run: run_group(&file, &transfer, info, writes_small)?,
+            real_columns: Vec::new(),
+            count_columns: Vec::new(),
+            steps,
+            transfer,
+            file,
+            count,
+            complete: 0,
+            writes_small,
+        };
+        let series = frames.run.create_group("series")?;
+        let real_columns = REAL_COLUMNS.iter().map(|c| growing::<f64>(&series, c.0, FRAMES_PER_CHUNK));
+        let count_columns = COUNT_COLUMNS.iter().map(|c| growing::<i64>(&series, c.0, FRAMES_PER_CHUNK));
+        let frames = Frames {
+            real_columns: real_columns.collect::<Result<_>>()?,
+            count_columns: count_columns.collect::<Result<_>>()?,
+            ..frames
+        };
+        frames.write_static(comm, &root, &point_data, radius, id_rows)?;
+        frames.file.flush()?;
+        Ok(frames)
+    }
+
+    /// The arrays that all frames share: ids, radii, and a vertex for every particle. Collective.
+    fn write_static(
+        &self,
+        comm: &dyn Comm,
+        root: &Group,
+        point_data: &Group,
+        radius: f64,
+        id_rows: Range<u64>,
+    ) -> Result<()> {
+        let first = id_rows.start;
+        let ids: Vec<i64> = id_rows.clone().map(|id| id as i64).collect();
+        let radii = vec![radius; ids.len()];
+        let together = |group: &Group, name: &str, length: u64, rows: &[i64]| {
+            self.transfer.write_together(&fixed::<i64>(group, name, length)?, first, rows)
+        };
+        together(point_data, "id", self.count, &ids)?;
+        self.transfer.write_together(&fixed::<f64>(point_data, "radius", self.count)?, first, &radii)?;
+        let vertices = root.group("Vertices")?;
+        together(&vertices, "Connectivity", self.count, &ids)?;
+        // One more offset than vertices: the last rank, whose block ends with the last particle, adds it.
+        let end = id_rows.end + u64::from(comm.rank() + 1 == comm.size());
+        let bounds: Vec<i64> = (first..end).map(|id| id as i64).collect();
+        together(&vertices, "Offsets", self.count + 1, &bounds)?;
+        for name in ["Lines", "Polygons", "Strips"] {
+            let cells = root.group(name)?;
+            fixed::<i64>(&cells, "Connectivity", 0)?;
+            let offsets = fixed::<i64>(&cells, "Offsets", 1)?;
+            self.write_small(&offsets, 0, &[0_i64])?;
+        }
+        Ok(())
+    }
+
+    /// Adds one frame; returns how its rows travelled. Collective.
+    pub fn append(&mut self, rows: &Rows, measures: &Measures) -> Result<String> {
+        let k = self.complete;
+        // All data first.
+        self.write_vectors(&self.position, k, rows.first, rows.position)?;
+        self.write_vectors(&self.velocity, k, rows.first, rows.velocity)?;
+        if let Some(array) = &self.angular_velocity {
+            self.write_vectors(array, k, rows.first, rows.angular_velocity.unwrap_or_default())?;
+        }
+        let transfer = self.transfer.report()?;
+        for schedule in &self.schedules {
+            self.put(&schedule.array, k, schedule.first + k as i64 * schedule.stride)?;
+        }
+        for array in &self.cell_offsets {
+            self.put(array, k, [0_i64; 4])?;
+        }
+        for (array, column) in self.real_columns.iter().zip(REAL_COLUMNS) {
+            self.put(array, k, column.1(measures))?;
+        }
+        for (array, column) in self.count_columns.iter().zip(COUNT_COLUMNS) {
+            self.put(array, k, column.1(measures) as i64)?;
+        }
+        self.file.flush()?;
+
+        // Only then the frame is said to be there.
+        self.put(&self.times, k, measures.time)?;
+        set(&self.steps, "NSteps", k as i64 + 1)?;
+        self.count_up(measures)?;
+        self.file.flush()?;
+        self.complete += 1;
+        Ok(transfer)
+    }
+
+    /// Final attributes. Collective.
+    pub fn complete(&mut self, measures: &Measures) -> Result<()> {
+        self.count_up(measures)?;
+        self.file.flush()?;
+        set(&self.run, "completed", 1_i64)?;
+        self.file.flush()
+    }
+
+    /// Closes everything, and the file last. Collective.
+    pub fn close(self) -> Result<()> {
+        // A second handle, because all others must be gone before the file is closed.
+        let file = self.file.clone();
+        drop(self);
+        file.close()
+    }
+
+    fn count_up(&self, measures: &Measures) -> Result<()> {
+        for (name, count) in COUNT_ATTRIBUTES {
+            set(&self.run, name, count(measures) as i64)?;
+        }
+        set(&self.run, "wall_seconds", measures.wall_seconds)
+    }
+
+    /// This rank's rows of frame `k`. Collective.
+    fn write_vectors(&self, array: &Dataset, k: u64, first: u64, rows: &[[f64; 3]]) -> Result<()> {
+        array.resize(((k + 1) as usize * self.count as usize, 3))?;
+        self.transfer.write_together(array, k * self.count + first, rows)
+    }
+
+    /// Appends row `k` of a small array. Collective.
+    fn put<R: Row>(&self, array: &Dataset, k: u64, row: R) -> Result<()> {
+        array.resize([&[k as usize + 1], R::SHAPE].concat())?;
+        self.write_small(array, k, &[row])
+    }
+
+    /// Rank 0 writes rows that are the same on every rank.
+    fn write_small<R: Row>(&self, array: &Dataset, first: u64, rows: &[R]) -> Result<()> {
+        if self.writes_small { self.transfer.write_alone(array, first, rows) } else { Ok(()) }
+    }
+}
+
+/// `/run` with all its attributes. Collective.
+fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: bool) -> Result<Group> {
+    let run = file.create_group("run")?;
+    set_new_text(&run, "version", &info.version)?;
+    set_new_text(&run, "commit", &info.commit)?;
+    if info.scene.len() <= LONGEST_ATTRIBUTE {
+        set_new_text(&run, "scene", &info.scene)?;
+    } else {
+        let kind = TypeDescriptor::FixedUnicode(info.scene.len());
+        let scene = run.new_dataset_builder().obj_track_times(false).empty_as(&kind).create("scene_text")?;
+        if writes_small {
+            transfer.write_text(&scene, &info.scene)?;
+        }
+    }
+    set_new_text(&run, "method", &info.method)?;
+    set_new(&run, "tolerance", info.tolerance)?;
+    set_new(&run, "mass", info.mass)?;
+    set_new(&run, "ranks", info.ranks as i64)?;
+    set_new(&run, "threads", info.threads as i64)?;
+    set_new_text(&run, "instruction_set", &info.instruction_set)?;
+    for (name, _) in COUNT_ATTRIBUTES {
+        set_new(&run, name, 0_i64)?;
+    }
+    set_new(&run, "wall_seconds", 0.0)?;
+    set_new(&run, "completed", 0_i64)?;
+    Ok(run)
+}
+
+/// An empty array that grows by rows.
+fn growing<R: Row>(group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dataset> {
+    let extents: Vec<Extent> =
+        [vec![Extent::resizable(0)], R::SHAPE.iter().map(|&n| Extent::fixed(n)).collect()].concat();
+    let chunk = [&[rows_per_chunk as usize], R::SHAPE].concat();
+    let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
+    builder.shape(extents).chunk(chunk).create(name)
+}
+
+/// An array of a fixed number of rows.
+fn fixed<R: Row>(group: &Group, name: &str, rows: u64) -> Result<Dataset> {
+    let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
+    builder.no_chunk().shape([&[rows as usize], R::SHAPE].concat()).create(name)
+}
+
+/// Rows of a vector array that are stored together: whole frames up to 64 KiB, or else parts of a frame up to 1 MiB.
+fn rows_per_chunk(count: u64) -> u64 {
+    let (few, most) = ((64 << 10) / VECTOR_BYTES, (1 << 20) / VECTOR_BYTES);
+    match count {
+        0 => 1,
+        _ if count <= few => few / count * count,
+        _ => count.div_ceil(count.div_ceil(most)),
+    }
+}
+
+fn set_new<T: H5Type>(place: &Location, name: &str, value: T) -> Result<()> {
+    place.new_attr::<T>().create(name)?.write_scalar(&value)
+}
+
+fn set_new_text(place: &Location, name: &str, text: &str) -> Result<()> {
+    let value = VarLenUnicode::from_str(text).map_err(|why| format!("attribute {name}: {why}"))?;
+    set_new(place, name, value)
+}
+
+fn set<T: H5Type>(place: &Location, name: &str, value: T) -> Result<()> {
+    place.attr(name)?.write_scalar(&value)
+}

@@ -1,0 +1,56 @@
+//! Loops over slices by rayon threads, where there is enough to do. Results never depend on the number of threads:
+//! every item is computed alone, and what is folded is a maximum or an integer.
+
+use rayon::prelude::*;
+
+/// Items below which a second thread costs more than it brings.
+pub const GRAIN: usize = 1024;
+
+/// Calls `work(first, chunk)` for consecutive chunks of `items`, `first` being the index of the chunk's first item,
+/// and folds what the calls return.
+pub fn chunks<T, A>(
+    items: &mut [T],
+    grain: usize,
+    work: impl Fn(usize, &mut [T]) -> A + Sync,
+    identity: A,
+    fold: impl Fn(A, A) -> A + Sync,
+) -> A
+where
+    T: Send,
+    A: Send + Sync + Clone,
+{
+    let threads = rayon::current_num_threads();
+    if threads == 1 || items.len() <= grain {
+        return fold(identity, work(0, items));
+    }
+    // A few chunks a thread, so that a slow one is helped out.
+    let size = items.len().div_ceil(4 * threads).max(grain / 2);
+    items
+        .par_chunks_mut(size)
+        .enumerate()
+        .map(|(k, chunk)| work(k * size, chunk))
+        .reduce(|| identity.clone(), &fold)
+}
+
+/// `chunks` for work that returns nothing.
+pub fn for_chunks<T: Send>(items: &mut [T], grain: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+    chunks(items, grain, work, (), |_, _| ());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_item_is_visited_once_with_its_index() {
+        for n in [0, 1, 5, 1000, 70_000] {
+            let mut items = vec![0usize; n];
+            let visit = |first: usize, chunk: &mut [usize]| {
+                chunk.iter_mut().enumerate().for_each(|(k, item)| *item += first + k + 1);
+                chunk.len()
+            };
+            assert_eq!(chunks(&mut items, 16, visit, 0, |a, b| a + b), n);
+            assert!(items.iter().enumerate().all(|(k, &item)| item == k + 1));
+        }
+    }
+}

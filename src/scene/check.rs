@@ -1,0 +1,322 @@
+//! Holds a scene against the list of keys (names, types, ranges), then checks what relates one key to another.
+
+use toml::Spanned;
+use toml::de::{DeInteger, DeTable, DeValue};
+
+use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
+use super::source::{Source, Span};
+use super::{BoxSides, Container, Grid, Scene};
+use crate::error::Error;
+
+/// Frames that one run may write.
+const MOST_FRAMES: f64 = 1e7;
+
+/// Room that is no cell: a side may be short of a whole number of cells by this part of one.
+const PART_OF_CELL: f64 = 1e-9;
+
+/// Whole cells of size `spacing` that fit into `side`, both m.
+pub(crate) fn cells_along(side: f64, spacing: f64) -> u64 {
+    // `as` saturates, so that a side of any length gives a number.
+    (side / spacing + PART_OF_CELL).floor() as u64
+}
+
+/// A mistake in one key: where, and what to say.
+struct Mistake {
+    span: Option<Span>,
+    /// Missing keys come after everything that stands in the text.
+    missing: bool,
+    message: String,
+}
+
+/// Checks names, types and ranges of every key, and that none is missing; remembers where each one is.
+/// Reports the first mistake in the order of the text.
+pub(super) fn keys_and_values(source: &mut Source, table: &DeTable) -> Result<(), Error> {
+    let mut mistakes = Vec::new();
+    check_table(source, table, "", "", None, &mut mistakes);
+    let place = |mistake: &Mistake| (mistake.missing, mistake.span.as_ref().map_or(0, |span| span.start));
+    match mistakes.into_iter().min_by_key(place) {
+        Some(mistake) => Err(source.error(mistake.span, &mistake.message)),
+        None => Ok(()),
+    }
+}
+
+/// `schema` is the path of the table in the list of keys, `shown` the same with the numbers of list entries.
+fn check_table(
+    source: &mut Source,
+    table: &DeTable,
+    schema: &str,
+    shown: &str,
+    place: Option<Span>,
+    mistakes: &mut Vec<Mistake>,
+) {
+    for (name, value) in table {
+        let path = joined(shown, name.get_ref());
+        source.remember(&path, name.span(), value.span());
+        match keys::of_table(schema).find(|key| key.name() == name.get_ref().as_ref()) {
+            None => {
+                let message = unknown(schema, shown, name.get_ref());
+                mistakes.push(Mistake { span: Some(name.span()), missing: false, message });
+            }
+            Some(key) => check_value(source, key, &path, name.span(), value, mistakes),
+        }
+    }
+    for key in keys::of_table(schema).filter(|key| key.required && !table.contains_key(key.name())) {
+        let path = joined(shown, key.name());
+        let path = if key.kind == Kind::Table { format!("[{path}]") } else { path };
+        let message = format!("{path} is missing: {}", key.help());
+        mistakes.push(Mistake { span: place.clone(), missing: true, message });
+    }
+}
+
+fn check_value(
+    source: &mut Source,
+    key: &Key,
+    path: &str,
+    name: Span,
+    value: &Spanned<DeValue>,
+    mistakes: &mut Vec<Mistake>,
+) {
+    match (key.kind, value.get_ref()) {
+        (Kind::Table, DeValue::Table(table)) => {
+            check_table(source, table, key.path, path, Some(name), mistakes);
+        }
+        (Kind::Tables, DeValue::Array(entries)) if entries.iter().all(|entry| entry.get_ref().is_table()) => {
+            for (number, entry) in entries.iter().enumerate() {
+                if let DeValue::Table(table) = entry.get_ref() {
+                    let path = format!("{path}[{number}]");
+                    source.remember(&path, entry.span(), entry.span());
+                    check_table(source, table, key.path, &path, Some(entry.span()), mistakes);
+                }
+            }
+        }
+        (kind, given) => {
+            if let Err(what) = fits(kind, given) {
+                let mut written = source.written(&value.span());
+                if given.is_str() && !written.starts_with(['"', '\'']) {
+                    written = format!("\"{written}\"");
+                }
+                let need = key.need();
+                let message = match what {
+                    Misfit::Outside(range) => {
+                        format!("{path} = {written} is outside {range}: {}", key.help())
+                    }
+                    Misfit::NotThat => format!("{path} = {written} must be {need}: {}", key.help()),
+                };
+                mistakes.push(Mistake { span: Some(value.span()), missing: false, message });
+            }
+        }
+    }
+}
+
+/// How a value does not fit its key.
+enum Misfit {
+    /// The right type, outside a range with two ends.
+    Outside(&'static str),
+    /// Anything else: the key says what it needs.
+    NotThat,
+}
+
+fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
+    let fitting = match (kind, value) {
+        (Kind::Number(range), value) => match number(value) {
+            Some(number) if range == Range::Share && !number.is_nan() && !range.holds(number) => {
+                return Err(Misfit::Outside("0..1"));
+            }
+            number => number.is_some_and(|number| range.holds(number)),
+        },
+        (Kind::Vector { open }, DeValue::Array(list)) => {
+            let fits = |number: f64| if open { !number.is_nan() } else { number.is_finite() };
+            list.len() == 3 && list.iter().all(|value| number(value.get_ref()).is_some_and(fits))
+        }
+        (Kind::Count, DeValue::Integer(integer)) => {
+            if !integer_of(integer).is_some_and(|count| (1..=i128::from(LARGEST_COUNT)).contains(&count)) {
+                return Err(Misfit::Outside("1..1000000000"));
+            }
+            true
+        }
+        (Kind::Seed, DeValue::Integer(integer)) => {
+            if integer_of(integer).is_none_or(|seed| u64::try_from(seed).is_err()) {
+                return Err(Misfit::Outside("0..18446744073709551615"));
+            }
+            true
+        }
+        (Kind::Switch, DeValue::Boolean(_)) => true,
+        (Kind::Text, DeValue::String(text)) => !text.trim().is_empty(),
+        (Kind::Word(words), DeValue::String(text)) => words.contains(&text.as_ref()),
+        _ => false,
+    };
+    if fitting { Ok(()) } else { Err(Misfit::NotThat) }
+}
+
+/// The value of a number or an integer; none where it is too large for a double, or an integer beyond 64 bits.
+fn number(value: &DeValue) -> Option<f64> {
+    match value {
+        DeValue::Float(float) => {
+            let written = float.as_str();
+            written.parse().ok().filter(|number: &f64| !number.is_infinite() || written.contains("inf"))
+        }
+        // An integer beyond 64 bits is refused: serde would not take it for a number either.
+        DeValue::Integer(integer) => integer_of(integer)
+            .filter(|&integer| i64::try_from(integer).is_ok() || u64::try_from(integer).is_ok())
+            .map(|integer| integer as f64),
+        _ => None,
+    }
+}
+
+fn integer_of(integer: &DeInteger) -> Option<i128> {
+    i128::from_str_radix(integer.as_str(), integer.radix()).ok()
+}
+
+fn joined(table: &str, name: &str) -> String {
+    if table.is_empty() { name.to_owned() } else { format!("{table}.{name}") }
+}
+
+/// What to say about a key that does not exist: the nearest ones that do.
+fn unknown(schema: &str, shown: &str, name: &str) -> String {
+    let known: Vec<_> = keys::of_table(schema).map(Key::name).collect();
+    let near = |other: &str| strsim::normalized_damerau_levenshtein(&name.to_lowercase(), other);
+    const NEAR_ENOUGH: f64 = 0.6;
+    let nearest = |names: &mut dyn Iterator<Item = &'static Key>| {
+        names
+            .map(|key| (near(key.name()), key))
+            .filter(|&(near, _)| near >= NEAR_ENOUGH)
+            .max_by(|(a, _), (b, _)| a.total_cmp(b))
+            .map(|(_, key)| key)
+    };
+    let here = nearest(&mut keys::of_table(schema));
+    let anywhere = || nearest(&mut KEYS.iter().filter(|key| key.table() != schema));
+    let hint = match here.map(|key| (key, "")).or_else(|| anywhere().map(|key| (key, " elsewhere"))) {
+        None => String::new(),
+        Some((key, "")) => format!("did you mean {}? ", joined(shown, key.name())),
+        Some((key, _)) if key.table().is_empty() => {
+            format!("did you mean {}, which belongs above the first [table]? ", key.path)
+        }
+        Some((key, _)) => format!("did you mean {}? ", key.path),
+    };
+    let table = if shown.is_empty() { "the top of a scene".to_owned() } else { format!("[{shown}]") };
+    format!("unknown key {}: {hint}{table} knows {}", joined(shown, name), known.join(", "))
+}
+
+/// Checks what relates one key to another.
+pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
+    one_source(source, scene)?;
+    if let Some(sides) = &scene.container.r#box {
+        box_sides(source, sides)?;
+    }
+    for (number, wall) in scene.container.wall.iter().enumerate() {
+        if wall.normal == [0.0; 3] {
+            let path = format!("container.wall[{number}].normal");
+            let message = format!(
+                "{path} = [0, 0, 0] has no direction: it is the outward normal of the wall, e.g. normal = [0.0, 0.0, -1.0]"
+            );
+            return Err(source.error(source.value(&path), &message));
+        }
+    }
+    if let Some(grid) = &scene.particles.grid {
+        room_for_grid(source, &scene.container, grid)?;
+    }
+    steps(source, scene)?;
+    frames(source, scene)
+}
+
+fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {
+    let particles = &scene.particles;
+    let example = "file = \"start.csv\" or [particles.grid]";
+    match (&particles.file, &particles.grid) {
+        (Some(_), Some(_)) => Err(source.error(
+            source.key("particles.file"),
+            &format!(
+                "particles.file and particles.grid contradict each other: exactly one says where the spheres start, {example}"
+            ),
+        )),
+        (None, None) => Err(source.error(
+            source.key("particles"),
+            &format!("particles.file or particles.grid is missing: one of them says where the spheres start, {example}"),
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn box_sides(source: &Source, sides: &BoxSides) -> Result<(), Error> {
+    for (axis, (min, max)) in ["x", "y", "z"].into_iter().zip(sides.min.into_iter().zip(sides.max)) {
+        if min == f64::INFINITY || max == f64::NEG_INFINITY {
+            let (corner, value, open) =
+                if min == f64::INFINITY { ("min", "inf", "-inf") } else { ("max", "-inf", "inf") };
+            let path = format!("container.box.{corner}");
+            let message = format!(
+                "{path} is {value} in {axis}, which leaves no room: {open} opens that side of the box"
+            );
+            return Err(source.error(source.value(&path), &message));
+        }
+        if min >= max {
+            let place = source.value("container.box.max").or_else(|| source.value("container.box.min"));
+            let message = format!(
+                "container.box is empty in {axis}: container.box.min = {min} m must be less than container.box.max = {max} m"
+            );
+            return Err(source.error(place, &message));
+        }
+    }
+    Ok(())
+}
+
+/// A grid is counted from a box that is finite in x and y, and needs room for one cell.
+fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<(), Error> {
+    let Some(sides) = &container.r#box else {
+        let message = "particles.grid needs container.box with finite sides in x and y, which is missing, \
+             e.g. box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] } under [container]";
+        return Err(source.error(source.key("particles.grid"), message));
+    };
+    for (axis, (min, max)) in ["x", "y"].into_iter().zip(sides.min.into_iter().zip(sides.max)) {
+        for (corner, value) in [("min", min), ("max", max)] {
+            if value.is_infinite() {
+                let path = format!("container.box.{corner}");
+                let place = source.value(&path).or_else(|| source.key("particles.grid"));
+                let message = format!(
+                    "{path} is {value} in {axis}: particles.grid needs a box that is finite in x and y"
+                );
+                return Err(source.error(place, &message));
+            }
+        }
+        let side = max - min;
+        if cells_along(side, grid.spacing) == 0 {
+            let message = format!(
+                "{} is larger than the side of container.box in {axis}, {side} m: not one cell of the grid fits in",
+                source.setting("particles.grid.spacing", grid.spacing, "m")
+            );
+            let place = source.value("particles.grid.spacing").or_else(|| source.value("container.box.max"));
+            return Err(source.error(place, &message));
+        }
+    }
+    Ok(())
+}
+
+fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
+    let solver = &scene.solver;
+    if solver.max_step >= solver.min_step {
+        return Ok(());
+    }
+    let place = source.value("solver.max_step").or_else(|| source.value("solver.min_step"));
+    let message = format!(
+        "{} is less than {}: the largest step must not be below the smallest",
+        source.setting("solver.max_step", solver.max_step, "s"),
+        source.setting("solver.min_step", solver.min_step, "s")
+    );
+    Err(source.error(place, &message))
+}
+
+fn frames(source: &Source, scene: &Scene) -> Result<(), Error> {
+    let interval = scene.output.interval.unwrap_or(scene.t_end / 100.0);
+    let frames = scene.t_end / interval;
+    if frames <= MOST_FRAMES {
+        return Ok(());
+    }
+    let place = source.value("output.interval").or_else(|| source.value("t_end"));
+    let message = format!(
+        "{} would write {frames:e} frames until {}, more than {MOST_FRAMES:e}: it is the simulated time between \
+         frames in s, e.g. interval = {}",
+        source.setting("output.interval", interval, "s"),
+        source.setting("t_end", scene.t_end, "s"),
+        scene.t_end / 100.0
+    );
+    Err(source.error(place, &message))
+}

@@ -1,0 +1,243 @@
+//! Every key a scene may hold, with its type, range, unit and a typical value: what messages say about it.
+
+use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word};
+use Range::{Finite, NotNegative, Positive, PositiveOrInfinite, Share};
+
+/// What is known about one key.
+pub(super) struct Key {
+    /// Dotted path from the top of the scene; entries of `container.wall` share one path.
+    pub path: &'static str,
+    /// Type and range of its value.
+    pub kind: Kind,
+    /// A table without it is a mistake.
+    pub required: bool,
+    /// What it is, with symbol and unit; reads on after "it is".
+    pub meaning: &'static str,
+    /// A typical value, in TOML.
+    pub example: &'static str,
+}
+
+/// Type and range of a value.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Kind {
+    /// A number within a range.
+    Number(Range),
+    /// Three numbers; `open` allows infinite ones.
+    Vector { open: bool },
+    /// Number of particles, 1..=[`LARGEST_COUNT`].
+    Count,
+    /// Any integer of 64 bits, not negative.
+    Seed,
+    /// `true` or `false`.
+    Switch,
+    /// Text, not empty.
+    Text,
+    /// One of these words.
+    Word(&'static [&'static str]),
+    /// A table of further keys.
+    Table,
+    /// A list of tables.
+    Tables,
+}
+
+/// Range of a number. NaN is in none of them, infinity in the last only.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Range {
+    Finite,
+    Positive,
+    NotNegative,
+    Share,
+    PositiveOrInfinite,
+}
+
+/// Largest number of particles of one run.
+pub(super) const LARGEST_COUNT: u64 = 1_000_000_000;
+
+/// The time stepping methods there are.
+pub(super) const METHODS: &[&str] = &["merson"];
+
+/// The ways to measure the error of a step there are.
+pub(super) const NORMS: &[&str] = &["paper"];
+
+const fn required(path: &'static str, kind: Kind, meaning: &'static str, example: &'static str) -> Key {
+    Key { path, kind, required: true, meaning, example }
+}
+
+const fn optional(path: &'static str, kind: Kind, meaning: &'static str, example: &'static str) -> Key {
+    Key { path, kind, required: false, meaning, example }
+}
+
+/// Every key; the keys of one table follow each other in the order a message lists them.
+#[rustfmt::skip]
+pub(super) const KEYS: &[Key] = &[
+    required("t_end", Number(Positive), "the simulated time in s", "8.0"),
+    optional("gravity", Vector { open: false }, "the acceleration of gravity in m/s^2", "[0.0, 0.0, -9.81]"),
+    required("particles", Table, "the table of the spheres and their source", "{ radius = 0.1, file = \"start.csv\" }"),
+    optional("container", Table, "the table of the walls", "{ box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] } }"),
+    required("contact", Table, "the table of the contact law", "[contact] with repulsion_at_contact, stiffness_exponent, \
+              restitution, dissipation_focusing and interaction_distance"),
+    optional("friction", Table, "the table of the friction law", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
+    optional("solver", Table, "the table of the time stepping", "{ tolerance = 0.1 }"),
+    optional("output", Table, "the table of the output file", "{ interval = 0.02 }"),
+
+    required("particles.radius", Number(Positive), "the radius r of every sphere in m", "0.1"),
+    optional("particles.mass", Number(Positive), "the mass of one sphere in kg", "1.0"),
+    optional("particles.file", Text, "the path of a CSV file with the columns x,y,z", "\"start.csv\""),
+    optional("particles.grid", Table, "the table of the randomly perturbed grid", "{ count = 200, spacing = 0.25 }"),
+    optional("particles.grid.count", Count, "the number of spheres", "200"),
+    optional("particles.grid.spacing", Number(Positive), "the side of a cell of the grid in m", "0.25"),
+    optional("particles.grid.jitter", Number(NotNegative), "the largest random shift of a sphere in m", "0.025"),
+    optional("particles.grid.bottom", Number(Finite), "the height of the lowest cells in m", "1.1"),
+    optional("particles.grid.seed", Seed, "the seed of the random shifts", "1"),
+
+    optional("container.box", Table, "the table of the box", "{ min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] }"),
+    optional("container.box.min", Vector { open: true }, "the lower corner of the box in m (-inf: open)", "[0.0, 0.0, 0.0]"),
+    optional("container.box.max", Vector { open: true }, "the upper corner of the box in m (inf: open)", "[1.0, 1.0, inf]"),
+    optional("container.wall", Tables, "the list of plane walls, each opened by [[container.wall]]",
+             "[{ point = [0.0, 0.0, 0.0], normal = [0.0, 0.0, -1.0] }]"),
+    optional("container.wall.point", Vector { open: false }, "a point of the wall in m", "[0.0, 0.0, 0.0]"),
+    optional("container.wall.normal", Vector { open: false }, "the outward normal of the wall, of any length", "[0.0, 0.0, -1.0]"),
+
+    required("contact.repulsion_at_contact", Number(Positive), "the repulsion F_0 of spheres that just touch in N", "10.0"),
+    required("contact.stiffness_exponent", Number(Positive), "the stiffness exponent kappa in 1/m", "150.0"),
+    required("contact.restitution", Number(Share), "the coefficient of restitution (1 = elastic)", "0.4"),
+    required("contact.dissipation_focusing", Number(Positive), "the dissipation focusing psi in s/m", "10.0"),
+    required("contact.interaction_distance", Number(Positive), "the gap l_max in m beyond which spheres do not interact", "0.1"),
+
+    required("friction.coefficient", Number(NotNegative), "the friction coefficient phi", "0.2"),
+    required("friction.regularization_velocity", Number(Positive),
+             "the slip v_min in m/s below which friction is regularised", "0.01"),
+    optional("friction.rotation", Switch, "whether friction turns the spheres", "true"),
+
+    optional("solver.method", Word(METHODS), "the time stepping method", "\"merson\""),
+    optional("solver.tolerance", Number(Positive), "the error tolerance delta", "0.1"),
+    optional("solver.norm", Word(NORMS), "the measure of the error", "\"paper\""),
+    optional("solver.initial_step", Number(Positive), "the first step in s", "0.1"),
+    optional("solver.min_step", Number(Positive), "the smallest step in s", "1e-9"),
+    optional("solver.max_step", Number(PositiveOrInfinite), "the largest step in s", "inf"),
+
+    optional("output.file", Text, "the path of the output file", "\"settle.vtkhdf\""),
+    optional("output.interval", Number(Positive), "the simulated time between frames in s", "0.02"),
+];
+
+/// The keys of a table, `""` being the top of the scene.
+pub(super) fn of_table(table: &str) -> impl Iterator<Item = &'static Key> {
+    KEYS.iter().filter(move |key| key.table() == table)
+}
+
+impl Key {
+    /// Path of the table that holds it.
+    pub fn table(&self) -> &'static str {
+        self.path.rsplit_once('.').map_or("", |(table, _)| table)
+    }
+
+    /// Its last word.
+    pub fn name(&self) -> &'static str {
+        self.path.rsplit_once('.').map_or(self.path, |(_, name)| name)
+    }
+
+    /// The type and range it needs; reads on after "must be".
+    pub fn need(&self) -> String {
+        match self.kind {
+            Number(range) => range.need().to_owned(),
+            Vector { open: false } => "a list of three finite numbers".to_owned(),
+            Vector { open: true } => "a list of three numbers".to_owned(),
+            Count => "an integer in 1..1000000000".to_owned(),
+            Seed => "an integer in 0..18446744073709551615".to_owned(),
+            Switch => "true or false".to_owned(),
+            Text => "text in quotes, not empty".to_owned(),
+            Word(words) => format!("one of: {}", quoted(words)),
+            Table => "a table".to_owned(),
+            Tables => "a list of tables".to_owned(),
+        }
+    }
+
+    /// What it is and a typical value: the second half of most messages.
+    pub fn help(&self) -> String {
+        match self.path {
+            "contact" => format!("it is {}, e.g. {}", self.meaning, self.example),
+            _ => format!("it is {}, e.g. {} = {}", self.meaning, self.name(), self.example),
+        }
+    }
+}
+
+impl Range {
+    /// Whether a number that is not NaN lies within.
+    pub fn holds(self, value: f64) -> bool {
+        match self {
+            Finite => value.is_finite(),
+            Positive => value > 0.0 && value.is_finite(),
+            NotNegative => value >= 0.0 && value.is_finite(),
+            Share => (0.0..=1.0).contains(&value),
+            PositiveOrInfinite => value > 0.0,
+        }
+    }
+
+    fn need(self) -> &'static str {
+        match self {
+            Finite => "a finite number",
+            Positive => "a finite number > 0",
+            NotNegative => "a finite number >= 0",
+            Share => "a number in 0..1",
+            PositiveOrInfinite => "a number > 0 or inf",
+        }
+    }
+}
+
+fn quoted(words: &[&str]) -> String {
+    words.iter().map(|word| format!("\"{word}\"")).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    /// Every example, put together to one scene; `file` gives way to `grid`.
+    fn scene_of_examples() -> String {
+        let mut text = String::new();
+        for table in
+            ["", "particles", "particles.grid", "container.box", "contact", "friction", "solver", "output"]
+        {
+            if !table.is_empty() {
+                text += &format!("[{table}]\n");
+            }
+            for key in of_table(table) {
+                if !matches!(key.kind, Table) && key.path != "particles.file" {
+                    text += &format!("{} = {}\n", key.name(), key.example);
+                }
+            }
+        }
+        text + "[[container.wall]]\npoint = [0, 0, 0]\nnormal = [0, 0, -1]\n"
+    }
+
+    #[test]
+    fn every_example_is_a_valid_value() {
+        Scene::parse("examples.toml", &scene_of_examples(), &[]).unwrap();
+    }
+
+    #[test]
+    fn the_keys_of_the_list_are_the_keys_of_the_structs() {
+        let scene = Scene::parse("examples.toml", &scene_of_examples(), &[]).unwrap();
+        let resolved: toml::Table = scene.resolved().parse().unwrap();
+        let mut paths = vec!["particles.file".to_owned()];
+        fn collect(table: &toml::Table, above: &str, paths: &mut Vec<String>) {
+            for (name, value) in table {
+                let path = format!("{above}{name}");
+                match value {
+                    toml::Value::Table(inner) => collect(inner, &format!("{path}."), paths),
+                    toml::Value::Array(list) if list[0].is_table() => {
+                        collect(list[0].as_table().unwrap(), &format!("{path}."), paths);
+                    }
+                    _ => {}
+                }
+                paths.push(path);
+            }
+        }
+        collect(&resolved, "", &mut paths);
+        paths.sort();
+        let mut listed: Vec<_> = KEYS.iter().map(|key| key.path.to_owned()).collect();
+        listed.sort();
+        assert_eq!(paths, listed);
+    }
+}

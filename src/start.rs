@@ -1,0 +1,259 @@
+//! The initial state: from a CSV file or from the paper's randomly perturbed grid, and whether it fits the walls.
+
+mod file;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::error::Error;
+use crate::scene::{BoxSides, Grid, Scene, WallPlane, cells_along};
+pub use file::read_csv;
+
+/// Initial state of all particles; row `k` is the particle of id `k`, all three lists have one length.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Start {
+    /// Centres, m.
+    pub x: Vec<[f64; 3]>,
+    /// Velocities, m/s.
+    pub v: Vec<[f64; 3]>,
+    /// Angular velocities, 1/s.
+    pub omega: Vec<[f64; 3]>,
+}
+
+/// The randomly perturbed grid of Fig. 4.2a, at rest. Pure: the same on every rank. Cells fill along x, then y, then
+/// z; each centre is that of its cell plus three random shifts in `[0, jitter)`, drawn in id order. A box finite in
+/// x and y with room for a cell, and a seed, are what [`Scene::parse`] and [`Scene::set_seed_if_missing`] see to.
+pub fn grid(scene: &Scene, grid: &Grid) -> Start {
+    let sides = scene.container.r#box.clone().unwrap_or_default();
+    let cells = |axis: usize| cells_along(sides.max[axis] - sides.min[axis], grid.spacing).max(1);
+    let (nx, ny) = (cells(0), cells(1));
+    let layer = nx.saturating_mul(ny);
+    let corner = [sides.min[0], sides.min[1], grid.bottom];
+    let mut random = ChaCha8Rng::seed_from_u64(grid.seed.unwrap_or(0));
+    let x: Vec<_> = (0..grid.count)
+        .map(|k| {
+            let cell = [k % nx, (k / nx) % ny, k / layer];
+            std::array::from_fn(|axis| {
+                let centre = corner[axis] + (cell[axis] as f64 + 0.5) * grid.spacing;
+                centre + random.random::<f64>() * grid.jitter
+            })
+        })
+        .collect();
+    let still = vec![[0.0; 3]; x.len()];
+    Start { x, v: still.clone(), omega: still }
+}
+
+/// Checks what needs positions, for either source: all numbers are finite, spins are 0 without rotation, and every
+/// centre lies strictly inside all walls.
+pub fn check(scene: &Scene, start: &Start) -> Result<(), Error> {
+    let walls = walls(scene);
+    let rotates = scene.rotates();
+    for (id, ((x, v), omega)) in start.x.iter().zip(&start.v).zip(&start.omega).enumerate() {
+        let wrong = |what: &str| Err(Error::Input(format!("{}: particle {id} {what}", origin(scene))));
+        for (name, vector) in [("position", x), ("velocity", v), ("angular velocity", omega)] {
+            if !vector.iter().all(|number| number.is_finite()) {
+                return wrong(&format!("has the {name} {}: all numbers must be finite", triple(vector)));
+            }
+        }
+        if !rotates && *omega != [0.0; 3] {
+            return wrong(&format!("has the angular velocity {} 1/s, but {NO_ROTATION}", triple(omega)));
+        }
+        for wall in &walls {
+            let beyond = wall.beyond(x);
+            if beyond >= 0.0 || beyond.is_nan() {
+                let how_far = match beyond {
+                    0.0 => "lies exactly on".to_owned(),
+                    _ => format!("lies {} m beyond", short(beyond)),
+                };
+                let hint = "every centre must be strictly inside all walls";
+                return wrong(&format!("at {} m {how_far} {}: {hint}", triple(x), wall.name));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Why spins are refused, and what to do.
+const NO_ROTATION: &str = "this scene has no rotation: spins must be 0 or left out, or rotation switched on by \
+     [friction] with a coefficient > 0 and rotation = true";
+
+/// Where the initial state comes from, for messages.
+fn origin(scene: &Scene) -> String {
+    match &scene.particles.file {
+        Some(file) => file.display().to_string(),
+        None => "particles.grid".to_owned(),
+    }
+}
+
+/// A plane that centres must not reach.
+struct Plane {
+    name: String,
+    point: [f64; 3],
+    /// Outward unit normal.
+    normal: [f64; 3],
+}
+
+impl Plane {
+    /// How far `x` lies outside, m; negative inside.
+    fn beyond(&self, x: &[f64; 3]) -> f64 {
+        (0..3).map(|axis| (x[axis] - self.point[axis]) * self.normal[axis]).sum()
+    }
+}
+
+/// All walls in their numbering: finite box sides min x, max x, min y, ..., then `container.wall`.
+fn walls(scene: &Scene) -> Vec<Plane> {
+    let mut planes = Vec::new();
+    if let Some(sides) = &scene.container.r#box {
+        for axis in 0..3 {
+            planes.extend(side(sides, axis, false));
+            planes.extend(side(sides, axis, true));
+        }
+    }
+    planes.extend(scene.container.wall.iter().enumerate().map(|(number, wall)| plane(number, wall)));
+    planes
+}
+
+fn side(sides: &BoxSides, axis: usize, upper: bool) -> Option<Plane> {
+    let (corner, sign, at) =
+        if upper { ("max", 1.0, sides.max[axis]) } else { ("min", -1.0, sides.min[axis]) };
+    let letter = ["x", "y", "z"][axis];
+    let along = |value| std::array::from_fn(|other| if other == axis { value } else { 0.0 });
+    at.is_finite().then(|| Plane {
+        name: format!("the side {letter} = {at} m of the box (container.box.{corner})"),
+        point: along(at),
+        normal: along(sign),
+    })
+}
+
+fn plane(number: usize, wall: &WallPlane) -> Plane {
+    // Scaled by the largest component first, so that no square overflows or vanishes.
+    let largest = wall.normal.iter().fold(0.0, |largest: f64, n| largest.max(n.abs()));
+    let scaled = wall.normal.map(|n| n / largest);
+    let length = scaled.iter().map(|n| n * n).sum::<f64>().sqrt();
+    let (point, normal) = (triple(&wall.point), triple(&wall.normal));
+    Plane {
+        name: format!("container.wall[{number}] (point {point} m, outward normal {normal})"),
+        point: wall.point,
+        normal: scaled.map(|n| n / length),
+    }
+}
+
+fn triple(vector: &[f64; 3]) -> String {
+    let [x, y, z] = vector.map(short);
+    format!("({x}, {y}, {z})")
+}
+
+/// Six digits are enough to find a number again.
+fn short(number: f64) -> String {
+    let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
+    match rounded.abs() {
+        1e-4..1e7 | 0.0 => format!("{rounded}"),
+        _ => format!("{rounded:e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(sets: &[&str]) -> Scene {
+        let text = "t_end = 1
+            particles = { radius = 0.1, grid = {} }
+            contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
+                        dissipation_focusing = 10, interaction_distance = 0.1 }
+            container.box = {}";
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        let mut scene = Scene::parse("a.toml", text, &sets).unwrap();
+        scene.set_seed_if_missing(1);
+        scene
+    }
+
+    fn start(sets: &[&str]) -> Start {
+        let scene = scene(sets);
+        grid(&scene, scene.particles.grid.as_ref().unwrap())
+    }
+
+    #[test]
+    fn a_grid_without_jitter_fills_x_then_y_then_z() {
+        let still = start(&["particles.grid.jitter=0", "container.box.max=[0.75, 0.5, inf]"]);
+        assert_eq!(still.x.len(), 200);
+        assert_eq!(still.x[0], [0.125, 0.125, 1.225]);
+        assert_eq!(still.x[1], [0.375, 0.125, 1.225]);
+        assert_eq!(still.x[3], [0.125, 0.375, 1.225]);
+        assert_eq!(still.x[6], [0.125, 0.125, 1.475]);
+        assert_eq!((still.v.len(), still.omega.len()), (200, 200));
+    }
+
+    #[test]
+    fn shifts_depend_on_the_seed_and_stay_within_the_jitter() {
+        let (still, shifted) = (start(&["particles.grid.jitter=0"]), start(&[]));
+        assert_eq!(shifted, start(&["particles.grid.seed=1"]));
+        assert_ne!(shifted, start(&["particles.grid.seed=2"]));
+        let mut largest: f64 = 0.0;
+        for (a, b) in shifted.x.iter().flatten().zip(still.x.iter().flatten()) {
+            // Two roundings near 10 m.
+            assert!(a - b > -1e-14 && a - b < 0.025 + 1e-14, "{a} {b}");
+            largest = largest.max(a - b);
+        }
+        assert!(largest > 0.0245, "{largest}");
+    }
+
+    #[test]
+    fn a_seed_gives_the_same_start_for_ever() {
+        // Recorded from rand 0.10 and rand_chacha 0.10: another number would be another experiment.
+        let x = start(&[]).x;
+        assert_eq!([x[0], x[199]], PINNED);
+    }
+
+    const PINNED: [[f64; 3]; 2] = [
+        [0.1350621415916212, 0.12700959272324455, 1.2399140045233714],
+        [0.8968053362864743, 0.39265263194975125, 4.242303981082025],
+    ];
+
+    #[test]
+    fn a_side_a_rounding_error_short_of_whole_cells_still_holds_them() {
+        // 0.3 / 0.1 is 2.9999999999999996.
+        let x = start(&["particles.grid.spacing=0.1", "container.box.max=[0.3, 0.3, inf]"]).x;
+        assert!(x[2][1] < 0.2 && x[3][1] > 0.1, "{x:?}");
+    }
+
+    #[test]
+    fn layers_of_any_size_are_counted_without_overflow() {
+        let x = start(&["container.box.max=[1e300, 1e300, inf]"]).x;
+        assert_eq!(x.len(), 200);
+    }
+
+    #[test]
+    fn walls_are_numbered_and_only_finite_sides_count() {
+        let scene = scene(&["container.wall=[{ normal = [0, -3, -4] }]"]);
+        let walls = walls(&scene);
+        assert_eq!(walls.len(), 6);
+        assert!(walls[3].name.contains("y = 1 m"), "{}", walls[3].name);
+        assert!(walls[5].name.contains("container.wall[0]"));
+        // (0, -3, -4) has length 5.
+        assert!((walls[5].beyond(&[9.0, 1.0, 1.0]) + 1.4).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_centre_outside_is_named_with_its_wall_and_distance() {
+        let scene = scene(&["container.wall=[{ normal = [0, 0, 1e200], point = [0, 0, 9] }]"]);
+        let mut start = Start { x: vec![[0.5; 3]; 4], v: vec![[0.0; 3]; 4], omega: vec![[0.0; 3]; 4] };
+        assert_eq!(check(&scene, &start), Ok(()));
+        let message = |start: &Start| check(&scene, start).unwrap_err().to_string();
+        start.x[3] = [0.5, 1.25, 0.5];
+        assert_eq!(
+            message(&start),
+            "particles.grid: particle 3 at (0.5, 1.25, 0.5) m lies 0.25 m beyond the side y = 1 m of the box \
+             (container.box.max): every centre must be strictly inside all walls"
+        );
+        start.x[3] = [0.5, 0.5, 9.5];
+        assert!(message(&start).contains("lies 0.5 m beyond container.wall[0]"), "{}", message(&start));
+        start.x[3] = [0.5, 0.5, 0.0];
+        assert!(message(&start).contains("lies exactly on the side z = 0 m"), "{}", message(&start));
+        start.x[3] = [0.5, f64::NAN, 0.5];
+        assert!(message(&start).contains("must be finite"), "{}", message(&start));
+        start.x[3] = [0.5; 3];
+        start.omega[2] = [0.0, 0.0, 1.0];
+        assert!(message(&start).contains("this scene has no rotation"), "{}", message(&start));
+    }
+}
