@@ -34,6 +34,7 @@ pub mod dynamics;
 pub mod effects;
 pub mod error;
 pub mod forces;
+pub mod launch;
 pub mod neighbors;
 pub mod ode;
 pub mod output;

@@ -1,1 +1,61 @@
-fn main(){}
+//! Starts MPI, runs the program, and turns what happened into an exit code.
+
+use clap::Parser;
+use demhybrid::cli::Args;
+use demhybrid::domain::{Comm, World};
+use demhybrid::error::Error;
+use demhybrid::{launch, program};
+use mpi::Threading;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::Duration;
+
+/// Exit code of an internal error.
+const INTERNAL: i32 = 70;
+
+fn main() {
+    let args = Args::try_parse().unwrap_or_else(|message| {
+        // Help and mistakes on the command line need no MPI, and one rank to print them.
+        if launch::speaks_first() {
+            message.exit()
+        }
+        std::process::exit(message.exit_code())
+    });
+    let faults = fail::FailScenario::setup();
+    let Some((universe, threading)) = mpi::initialize_with_threading(Threading::Funneled) else {
+        launch::say("demhybrid: MPI cannot be started");
+        std::process::exit(INTERNAL)
+    };
+    let world = World::new(universe.world());
+    launch::report_panics(world.rank());
+    let outcome = catch_unwind(AssertUnwindSafe(|| {
+        assert!(threading >= Threading::Funneled, "this MPI does not allow threads beside the one that calls it");
+        program::run(&args, &world)
+    }));
+    let code = match outcome {
+        Ok(Ok(())) => 0,
+        Ok(Err(error)) => end(&world, &error),
+        Err(_) => world.abort(INTERNAL),
+    };
+    drop(world);
+    drop(universe);
+    drop(faults);
+    std::process::exit(code)
+}
+
+/// Reports an error. All but output errors are known to all ranks: rank 0 speaks and all leave together. An output
+/// error may be one rank's alone, and after it no collective call may follow: it ends the job, and rank 0 speaks
+/// first if it knows.
+fn end(world: &World, error: &Error) -> i32 {
+    let message = format!("demhybrid: error: {error}");
+    if let Error::Output { .. } = error {
+        if world.rank() > 0 {
+            std::thread::sleep(Duration::from_millis(500));
+        }
+        launch::say(&message);
+        world.abort(error.exit_code())
+    }
+    if world.rank() == 0 {
+        launch::say(&message);
+    }
+    error.exit_code()
+}

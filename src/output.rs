@@ -233,7 +233,8 @@ fn agreed(comm: &dyn Comm, own: [u8; 8]) -> [u8; 8] {
 
 /// What HDF5 said, and whether the disk is full, which it often does not say.
 fn failure(path: &Path, why: &hdf5::Error) -> Error {
-    let mut why = why.to_string();
+    // HDF5 breaks its lines; a message of ours is one line.
+    let mut why = why.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
     if let Some(folder) = path.parent()
         && let Some(free) = place::free_bytes(folder)
         && free < 1 << 20

@@ -157,6 +157,8 @@ impl Frames {
             schedule(&offsets, "angular_velocity", 0, n)?;
         }
 
+        let run = run_group(&file, &transfer, info, writes_small)?;
+        let series = run.create_group("series")?;
         let rows = rows_per_chunk(count);
         let frames = Frames {
             position: growing::<[f64; 3]>(&root, "Points", rows)?,
@@ -170,23 +172,21 @@ impl Frames {
                 .into_iter()
                 .collect::<Result<_>>()?,
             times: growing::<f64>(&steps, "Values", FRAMES_PER_CHUNK)?,
-            run: run_group(&file, &transfer, info, writes_small)?,
-            real_columns: Vec::new(),
-            count_columns: Vec::new(),
+            real_columns: REAL_COLUMNS
+                .iter()
+                .map(|(name, _)| growing::<f64>(&series, name, FRAMES_PER_CHUNK))
+                .collect::<Result<_>>()?,
+            count_columns: COUNT_COLUMNS
+                .iter()
+                .map(|(name, _)| growing::<i64>(&series, name, FRAMES_PER_CHUNK))
+                .collect::<Result<_>>()?,
+            run,
             steps,
             transfer,
             file,
             count,
             complete: 0,
             writes_small,
-        };
-        let series = frames.run.create_group("series")?;
-        let real_columns = REAL_COLUMNS.iter().map(|c| growing::<f64>(&series, c.0, FRAMES_PER_CHUNK));
-        let count_columns = COUNT_COLUMNS.iter().map(|c| growing::<i64>(&series, c.0, FRAMES_PER_CHUNK));
-        let frames = Frames {
-            real_columns: real_columns.collect::<Result<_>>()?,
-            count_columns: count_columns.collect::<Result<_>>()?,
-            ..frames
         };
         frames.write_static(comm, &root, &point_data, radius, id_rows)?;
         frames.file.flush()?;
@@ -228,7 +228,8 @@ impl Frames {
     /// Adds one frame; returns how its rows travelled. Collective.
     pub fn append(&mut self, rows: &Rows, measures: &Measures) -> Result<String> {
         let k = self.complete;
-        // All data first.
+        // All data first. Arrays grow here and never shrink: shrinking inside a chunk, on several ranks, breaks the
+        // bookkeeping of HDF5 1.10 (tried).
         self.write_vectors(&self.position, k, rows.first, rows.position)?;
         self.write_vectors(&self.velocity, k, rows.first, rows.velocity)?;
         if let Some(array) = &self.angular_velocity {
@@ -241,11 +242,11 @@ impl Frames {
         for array in &self.cell_offsets {
             self.put(array, k, [0_i64; 4])?;
         }
-        for (array, column) in self.real_columns.iter().zip(REAL_COLUMNS) {
-            self.put(array, k, column.1(measures))?;
+        for (array, (_, real)) in self.real_columns.iter().zip(REAL_COLUMNS) {
+            self.put(array, k, real(measures))?;
         }
-        for (array, column) in self.count_columns.iter().zip(COUNT_COLUMNS) {
-            self.put(array, k, column.1(measures) as i64)?;
+        for (array, (_, number)) in self.count_columns.iter().zip(COUNT_COLUMNS) {
+            self.put(array, k, number(measures) as i64)?;
         }
         self.file.flush()?;
 

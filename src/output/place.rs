@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::fs;
 use std::io::ErrorKind;
 use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::{Access, access, statvfs};
@@ -21,7 +22,7 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
         Err(why) => return refuse(format!("not a path ({why}); give the name of a file to write")),
     };
     let (Some(folder), false) = (absolute.parent(), ends_in_separator(path)) else {
-        return refuse("is a folder; give the name of a file to write".to_string());
+        return refuse("names a folder; give the name of a file to write".to_string());
     };
     let mut reclaimed = 0;
     match fs::metadata(&absolute) {
@@ -43,7 +44,7 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
             if let Err(why) = access(&absolute, Access::WRITE_OK) {
                 return refuse(format!("the file exists and cannot be replaced ({why}); make it writable"));
             }
-            reclaimed = found.len();
+            reclaimed = 512 * found.blocks(); // st_blocks counts in 512 bytes on any file system
         }
         Err(why) if why.kind() == ErrorKind::NotFound => {
             match fs::metadata(folder) {
@@ -85,15 +86,11 @@ pub fn free_bytes(folder: &Path) -> Option<u64> {
 
 /// Bytes as people read them: `1.4 GiB`.
 fn size(bytes: u64) -> String {
-    let mut value = bytes as f64;
-    let mut units = ["bytes", "KiB", "MiB", "GiB", "TiB"].iter().peekable();
-    while let Some(unit) = units.next() {
-        if value < 1024.0 || units.peek().is_none() {
-            return if bytes < 1024 { format!("{bytes} {unit}") } else { format!("{value:.1} {unit}") };
-        }
-        value /= 1024.0;
+    let units = [(40, "TiB"), (30, "GiB"), (20, "MiB"), (10, "KiB")];
+    match units.iter().find(|(power, _)| bytes >> power > 0) {
+        Some((power, unit)) => format!("{:.1} {unit}", bytes as f64 / (1_u64 << power) as f64),
+        None => format!("{bytes} bytes"),
     }
-    format!("{bytes} bytes")
 }
 
 /// `results/` is a folder whether it exists or not.

@@ -1,0 +1,103 @@
+//! How the program was started: which rank of which MPI, how many cores and threads, and what ends all ranks when
+//! one of them fails.
+
+use crate::domain::Comm;
+use crate::error::Error;
+use std::io::Write;
+use std::thread;
+
+/// Variables by which launchers tell a process how many of it there are.
+const WORLD_SIZE: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS"];
+/// Variables by which launchers tell a process which one it is.
+const WORLD_RANK: [&str; 4] = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "MPI_LOCALRANKID"];
+
+fn number(names: &[&str]) -> Option<usize> {
+    names.iter().find_map(|name| std::env::var(name).ok()?.parse().ok())
+}
+
+/// Whether this process speaks for the job before MPI has started.
+pub fn speaks_first() -> bool {
+    number(&WORLD_RANK).is_none_or(|rank| rank == 0)
+}
+
+/// Refuses to run when the launcher belongs to another MPI than the program: it would run as many times as there
+/// are ranks, and every copy would write the same file.
+pub fn check_launcher(world_size: usize) -> Result<(), Error> {
+    match number(&WORLD_SIZE) {
+        Some(started) if started != world_size => Err(Error::Input(format!(
+            "the launcher started {started} ranks, but MPI sees a world of {world_size}: this mpirun belongs to \
+             another MPI than the one demhybrid is built with ({})",
+            mpi::environment::library_version().unwrap_or_default().trim_end_matches('\0').trim()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Prints with a single write, so that lines of several ranks never mix.
+pub fn say(text: &str) {
+    // Nobody is left to tell when stderr is gone.
+    let _ = std::io::stderr().write_all(format!("{}\n", text.trim_end()).as_bytes());
+}
+
+/// Makes a panic one message that names the rank. Worker threads only print: MPI belongs to the main thread, which
+/// ends the job when the panic reaches it.
+pub fn report_panics(rank: usize) {
+    std::panic::set_hook(Box::new(move |panic| {
+        let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
+        let text = panic
+            .payload()
+            .downcast_ref::<&str>()
+            .map(ToString::to_string)
+            .or_else(|| panic.payload().downcast_ref::<String>().cloned())
+            .unwrap_or_else(|| "unknown cause".into());
+        say(&format!("demhybrid: internal error on rank {rank}{place}: {text}"));
+    }));
+}
+
+/// Starts the threads of this rank: `--threads`, else RAYON_NUM_THREADS, else the cores of the machine divided by the
+/// ranks on it. The calling thread is one of them, so that loops start without a hand-over. Returns their number and
+/// a warning where the rank is bound to fewer cores than there are. Collective.
+pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<(usize, Option<String>), Error> {
+    let usable = thread::available_parallelism().map_or(1, usize::from);
+    let ranks = comm.ranks_on_node();
+    let bound = usable < ranks.min(online_cores()) || (usable == 1 && online_cores() > ranks);
+    let share = if bound { usable } else { (usable / ranks).max(1) };
+    let environment = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse().ok()).filter(|&n| n > 0);
+    let threads = wanted.or(environment).unwrap_or(share);
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .use_current_thread()
+        .build_global()
+        .map_err(|why| Error::Input(format!("--threads {threads}: the threads cannot be started: {why}")))?;
+    let warning = (bound && (threads > usable || online_cores() > ranks)).then(|| {
+        format!(
+            "warning: this rank may use {usable} of {} cores: mpirun binds each rank to one core unless told \
+             otherwise (OMPI_MCA_hwloc_base_binding_policy=none, or source launch/env.sh)",
+            online_cores()
+        )
+    });
+    Ok((threads, warning))
+}
+
+/// Cores of this machine, whatever this process is bound to.
+fn online_cores() -> usize {
+    let list = std::fs::read_to_string("/sys/devices/system/cpu/online").unwrap_or_default();
+    let count = |range: &str| {
+        let (first, last) = range.split_once('-').unwrap_or((range, range));
+        Some(last.parse::<usize>().ok()? - first.parse::<usize>().ok()? + 1)
+    };
+    list.trim().split(',').filter_map(count).sum::<usize>().max(1)
+}
+
+/// Physical memory of this machine, bytes; none where the system does not tell.
+pub fn physical_memory() -> u64 {
+    let info = rustix::system::sysinfo();
+    info.totalram as u64 * u64::from(info.mem_unit)
+}
+
+/// Largest memory that this process has held, bytes; 0 where the system does not tell.
+pub fn peak_memory() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|text| text.trim().trim_end_matches(" kB").trim().parse::<u64>().ok()).unwrap_or(0) * 1024
+}

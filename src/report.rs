@@ -1,0 +1,273 @@
+//! What the program says: the plan of a dry run, the progress, the closing summary.
+
+use crate::domain::{Comm, rows, slabs::Slabs};
+use crate::dynamics::SKIN;
+use crate::effects::Effects;
+use crate::launch;
+use crate::scene::Scene;
+use crate::simulation::{Counts, Frame, Outcome};
+use crate::start::Start;
+use indicatif::{ProgressBar, ProgressStyle};
+use std::fmt::Write;
+use std::io::IsTerminal;
+use std::path::Path;
+use std::time::Instant;
+
+/// Pairs a particle has on its lists in a packed bed, about.
+const LISTED_PAIRS: f64 = 13.0;
+
+/// A warning where `l_max` cuts off a force that is not small, with the `l_max` that would do.
+pub fn cut_force_warning(scene: &Scene) -> Option<String> {
+    let contact = &scene.contact;
+    let g = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
+    let weight = scene.particles.mass * g;
+    let (scale, name) = if weight > 0.0 { (weight, "the weight of a particle") } else { (contact.repulsion_at_contact, "F_0") };
+    let cut = contact.repulsion_at_contact * (-contact.stiffness_exponent * contact.interaction_distance).exp();
+    let enough = (contact.repulsion_at_contact / (1e-3 * scale)).ln() / contact.stiffness_exponent;
+    (cut > 1e-3 * scale).then(|| {
+        format!(
+            "warning: contact.interaction_distance = {} m cuts off a force of {cut:.3e} N, which is {:.1e} of {name}: \
+             step control and energy will suffer; {:.4} m or more would do",
+            contact.interaction_distance,
+            cut / scale,
+            // Rounded up, so that the number printed is enough.
+            (enough * 1e4).ceil() / 1e4
+        )
+    })
+}
+
+/// Memory of the solver for one particle, bytes, about: states, slopes, lists and pair forces in a packed bed.
+pub fn bytes_per_particle(scene: &Scene) -> u64 {
+    let components = if scene.rotates() { 9.0 } else { 6.0 };
+    let action = if scene.rotates() { 48.0 } else { 24.0 };
+    let states = 9.0 * 8.0 * components + 2.0 * 24.0 + 8.0;
+    let lists = LISTED_PAIRS * (8.0 + action + 2.0 * 4.0) + 16.0;
+    (states + lists) as u64
+}
+
+/// Bytes that the output file will take, about.
+pub fn output_bytes(scene: &Scene, count: u64) -> u64 {
+    let per_row = if scene.rotates() { 72 } else { 48 };
+    frames(scene).saturating_mul(count).saturating_mul(per_row).saturating_add(64 * 1024)
+}
+
+/// Frames of the scene, the one at t = 0 included.
+pub fn frames(scene: &Scene) -> u64 {
+    scene.output.interval.map_or(101, |interval| (scene.t_end / interval - 1e-9).ceil() as u64 + 1)
+}
+
+/// Bytes in words.
+pub fn size(bytes: u64) -> String {
+    let units = [(1u64 << 30, "GiB"), (1 << 20, "MiB"), (1 << 10, "KiB")];
+    match units.iter().find(|(unit, _)| bytes >= *unit) {
+        Some((unit, name)) => format!("{:.1} {name}", bytes as f64 / *unit as f64),
+        None => format!("{bytes} bytes"),
+    }
+}
+
+/// What a run would do, for `--dry-run`. Collective; the text is the same on every rank.
+pub fn plan(comm: &dyn Comm, name: &Path, scene: &Scene, start: &Start, threads: usize, output: &str) -> String {
+    let effects = Effects::of(scene);
+    let count = start.x.len() as u64;
+    let own = rows::block(count, comm.rank(), comm.size());
+    let mut slabs = Slabs::new(comm.size());
+    slabs.balance(comm, own.clone().map(|i| start.x[i as usize][2]));
+    let mut owned = vec![0; comm.size()];
+    own.for_each(|i| owned[slabs.owner(start.x[i as usize][2])] += 1);
+    comm.sum(&mut owned);
+    let r = scene.particles.radius;
+    let reach = 2.0 * r + scene.contact.interaction_distance + SKIN * r;
+    let mut text = String::new();
+    let mut line = |head: &str, rest: String| {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{head:<12}{rest}");
+    };
+    line("scene", format!("{} is valid; nothing was run", name.display()));
+    line("variant", format!("{} ({})", effects.variant.name(), if effects.dissipative { "dissipative" } else { "elastic" }));
+    for (k, effect) in effects.explain(scene).into_iter().enumerate() {
+        line(if k == 0 { "effects" } else { "" }, effect);
+    }
+    let walls = crate::container::walls(&scene.container).len();
+    line("particles", format!("{count} of radius {r} m and mass {} kg, {walls} walls", scene.particles.mass));
+    line("time", format!("to t = {} s, {} frames", scene.t_end, frames(scene)));
+    let solver = &scene.solver;
+    line("solver", format!("{}, tolerance {}, norm {}", solver.method, solver.tolerance, solver.norm));
+    let per_particle = bytes_per_particle(scene);
+    line("memory", format!("about {} ({per_particle} bytes a particle)", size(count * per_particle)));
+    line("output", format!("{output}, about {}", size(output_bytes(scene, count))));
+    line("ranks", format!("{} with {threads} threads each; ghosts within {reach:.4} m", comm.size()));
+    for (rank, n) in owned.iter().enumerate() {
+        let (low, high) = slabs.of(rank);
+        line(if rank == 0 { "slabs" } else { "" }, format!("rank {rank}: {low:.4} m <= z < {high:.4} m, {n} particles"));
+    }
+    text
+}
+
+/// Shows how a run gets on: a bar on a terminal, a line a frame elsewhere, nothing if quiet.
+pub struct Progress {
+    bar: Option<ProgressBar>,
+    lines: bool,
+    verbose: bool,
+    t_end: f64,
+    started: Instant,
+}
+
+impl Progress {
+    /// For a run to `t_end` (s). Only rank 0 speaks.
+    pub fn new(rank: usize, t_end: f64, quiet: bool, verbose: bool) -> Self {
+        let speaks = rank == 0 && !quiet;
+        let terminal = std::io::stderr().is_terminal();
+        let bar = (speaks && terminal).then(|| {
+            let bar = ProgressBar::new(1000);
+            let style = ProgressStyle::with_template("{bar:30} {percent:>3}% {msg} ETA {eta}");
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar
+        });
+        Progress { bar, lines: speaks && !terminal, verbose, t_end, started: Instant::now() }
+    }
+
+    /// A frame was written.
+    pub fn frame<W>(&self, frame: &Frame<W>) {
+        let Counts { accepted, rhs, .. } = frame.counts;
+        let text = format!(
+            "t = {:.4} s of {} s, step {:.2e} s, {accepted} steps, {rhs} right-hand sides, kinetic energy {:.3e} J",
+            frame.time, self.t_end, frame.step, frame.kinetic_energy
+        );
+        let more = || {
+            let Counts { rejected, outrun, forced, rebuilds, .. } = frame.counts;
+            format!(
+                ", {rejected} rejected, {outrun} outrun, {forced} forced, {rebuilds} lists, overlap {:.2e} m, {:.1} s",
+                frame.largest_overlap,
+                self.started.elapsed().as_secs_f64()
+            )
+        };
+        if let Some(bar) = &self.bar {
+            bar.set_position((1000.0 * frame.time / self.t_end) as u64);
+            bar.set_message(text);
+        } else if self.lines {
+            launch::say(&(text + &if self.verbose { more() } else { String::new() }));
+        }
+    }
+
+    /// The run is over.
+    pub fn close(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// The closing summary, and warnings of what is doubtful. Collective; the text is the same on every rank except for
+/// times.
+pub fn summary(
+    comm: &dyn Comm,
+    name: &Path,
+    scene: &Scene,
+    outcome: &Outcome,
+    last: &Last,
+    threads: usize,
+    output: &str,
+) -> String {
+    let mut sums = [launch::peak_memory(), outcome.ghosts as u64, outcome.bytes as u64];
+    comm.sum(&mut sums);
+    let [peak, ghosts, bytes] = sums;
+    let Counts { accepted, rejected, outrun, forced, rhs, pairs, rebuilds } = outcome.counts;
+    let count = last.count.max(1);
+    let r = scene.particles.radius;
+    let per = |x: u64, of: f64| x as f64 / of.max(1.0);
+    let clocks = &outcome.clocks;
+    let mut text = format!(
+        "demhybrid: {} done: {} particles, {}, to t = {} s\n",
+        name.display(), last.count, Effects::of(scene).variant.name(), scene.t_end
+    );
+    let mut line = |head: &str, rest: String| {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "  {head:<18}{rest}");
+    };
+    line("steps", format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"));
+    line("right-hand sides", format!("{rhs} ({}, tolerance {})", scene.solver.method, scene.solver.tolerance));
+    line("pair evaluations", format!("{pairs} ({:.2} per particle and right-hand side)", per(pairs, count as f64 * rhs as f64)));
+    line("lists built", format!("{rebuilds}"));
+    line("energy", format!("kinetic {:.6e} J, potential {:.6e} J", last.kinetic_energy, last.potential_energy));
+    line("bed height", format!("{:.6} m", last.bed_height));
+    line("largest overlap", format!("{:.3e} m ({:.1} % of the radius)", outcome.largest_overlap, 100.0 * outcome.largest_overlap / r));
+    line("wall time", format!(
+        "{:.2} s on {} ranks with {threads} threads: forces {:.2}, ghosts {:.2}, lists {:.2}, reduction {:.2}, output {:.2}",
+        outcome.seconds, comm.size(),
+        clocks.forces.as_secs_f64(), clocks.ghosts.as_secs_f64(), clocks.lists.as_secs_f64(),
+        clocks.reduction.as_secs_f64(), outcome.output_seconds
+    ));
+    line("memory", format!(
+        "solver {} bytes per particle ({} in all, {ghosts} ghosts), peak of all ranks {}",
+        bytes / count, size(bytes), size(peak)
+    ));
+    line("output", output.into());
+    text
+}
+
+/// Measures of the last frame, for the summary.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Last {
+    /// Number of particles.
+    pub count: u64,
+    /// Kinetic energy, J.
+    pub kinetic_energy: f64,
+    /// Potential energy, J.
+    pub potential_energy: f64,
+    /// Highest point, m.
+    pub bed_height: f64,
+}
+
+/// What a user should doubt after a run.
+pub fn doubts(scene: &Scene, outcome: &Outcome) -> Vec<String> {
+    let mut doubts = Vec::new();
+    if outcome.counts.forced > 0 {
+        doubts.push(format!(
+            "warning: {} steps were accepted at solver.min_step = {} s with an error above solver.tolerance",
+            outcome.counts.forced, scene.solver.min_step
+        ));
+    }
+    let share = outcome.largest_overlap / scene.particles.radius;
+    if share > 0.3 {
+        doubts.push(format!(
+            "warning: the largest overlap is {share:.2} of the radius: the contacts are soft for this load; a larger \
+             contact.stiffness_exponent makes them harder"
+        ));
+    }
+    doubts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(extra: &[&str]) -> Scene {
+        let text = include_str!("../configs/settle.toml");
+        let sets: Vec<String> = extra.iter().map(ToString::to_string).collect();
+        Scene::parse("settle.toml", text, &sets).unwrap()
+    }
+
+    #[test]
+    fn the_paper_cuts_off_nothing_that_matters() {
+        assert_eq!(cut_force_warning(&scene(&[])), None);
+        assert_eq!(cut_force_warning(&scene(&["gravity=[0,0,0]"])), None);
+    }
+
+    #[test]
+    fn a_cut_force_is_warned_of_with_the_distance_that_would_do() {
+        let warning = cut_force_warning(&scene(&["contact.stiffness_exponent=30"])).unwrap();
+        // 10 exp(-30 l) = 9.81e-3 at l = 0.23090 m.
+        assert!(warning.contains("contact.interaction_distance = 0.1 m") && warning.contains("0.2310 m"), "{warning}");
+        let enough = scene(&["contact.stiffness_exponent=30", "contact.interaction_distance=0.2310"]);
+        assert_eq!(cut_force_warning(&enough), None);
+        let weightless = scene(&["contact.stiffness_exponent=30", "gravity=[0,0,0]"]);
+        // exp(-30 l) = 1e-3 at l = 0.23026 m.
+        assert!(cut_force_warning(&weightless).unwrap().contains("0.2303 m"));
+    }
+
+    #[test]
+    fn frames_are_counted_with_both_ends() {
+        assert_eq!(frames(&scene(&[])), 401);
+        assert_eq!(frames(&scene(&["t_end=0.05", "output.interval=0.02"])), 4);
+    }
+}
