@@ -35,7 +35,9 @@ mod tests {
     #[test]
     fn a_simple_cubic_lattice_fills_half_of_space() {
         let x: Vec<Vec3> = (0..125)
-            .map(|k| Vec3::new(k as f64 % 5.0, (k / 5) as f64 % 5.0, (k / 25) as f64) * 0.2 + Vec3::repeat(0.1))
+            .map(|k| {
+                Vec3::new(k as f64 % 5.0, (k / 5) as f64 % 5.0, (k / 25) as f64) * 0.2 + Vec3::repeat(0.1)
+            })
             .collect();
         let exact = std::f64::consts::PI / 6.0;
         assert!((paper_volume_fraction(&x, 0.1) - exact).abs() < 2e-3);

@@ -102,11 +102,7 @@ impl Coulomb {
     /// (v_0 of eq. (2.8) is v_min.)
     #[inline(always)]
     pub fn limiter_over_slip(&self, s: f64) -> f64 {
-        if s < self.v_min {
-            (3.0 - 2.0 * s / self.v_min) * s / (self.v_min * self.v_min)
-        } else {
-            1.0 / s
-        }
+        if s < self.v_min { (3.0 - 2.0 * s / self.v_min) * s / (self.v_min * self.v_min) } else { 1.0 / s }
     }
 }
 
@@ -178,8 +174,7 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
     pub fn action<W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Action<W> {
         let opening = n.dot(v_rel);
         let repulsion = self.repulsion(gap);
-        let mut action =
-            Action { force: n * (repulsion * self.rebound.share(-opening)), torque: W::zero() };
+        let mut action = Action { force: n * (repulsion * self.rebound.share(-opening)), torque: W::zero() };
         self.tangential.rub(self.r, repulsion, n, opening, v_rel, spins, &mut action);
         action
     }

@@ -15,7 +15,8 @@ pub struct Wall {
 impl Wall {
     /// The plane through `point` (m) with the outward `normal` of any length but 0.
     pub fn new(point: Vec3, normal: Vec3) -> Self {
-        let normal = normal.normalize();
+        // Scaled by the largest component first, so that no square overflows or vanishes.
+        let normal = (normal / normal.amax()).normalize();
         Wall { normal, offset: normal.dot(&point) }
     }
 
@@ -26,26 +27,37 @@ impl Wall {
     }
 }
 
-/// The walls of a scene. Their order is also the order in which their forces are summed: finite sides of the box
-/// (min x, max x, min y, max y, min z, max z), then `container.wall`.
-pub fn walls(container: &scene::Container) -> Vec<Wall> {
+/// The walls of a scene, each with words that a user recognises. Their order is also the order in which their forces
+/// are summed: finite sides of the box (min x, max x, min y, max y, min z, max z), then `container.wall`.
+pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
     let mut walls = Vec::new();
     if let Some(sides) = &container.r#box {
-        for axis in 0..3 {
-            for (position, sign) in [(sides.min[axis], -1.0), (sides.max[axis], 1.0)] {
+        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+            for (corner, position, sign) in [("min", sides.min[axis], -1.0), ("max", sides.max[axis], 1.0)] {
                 if position.is_finite() {
                     let along = |length: f64| {
                         let mut v = Vec3::zeros();
                         v[axis] = length;
                         v
                     };
-                    walls.push(Wall::new(along(position), along(sign)));
+                    let name =
+                        format!("the side {letter} = {position} m of the box (container.box.{corner})");
+                    walls.push((Wall::new(along(position), along(sign)), name));
                 }
             }
         }
     }
-    walls.extend(container.wall.iter().map(|w| Wall::new(w.point.into(), w.normal.into())));
+    walls.extend(container.wall.iter().enumerate().map(|(number, wall)| {
+        let name =
+            format!("container.wall[{number}] (point {:?} m, outward normal {:?})", wall.point, wall.normal);
+        (Wall::new(wall.point.into(), wall.normal.into()), name)
+    }));
     walls
+}
+
+/// The walls of a scene, in the same order.
+pub fn walls(container: &scene::Container) -> Vec<Wall> {
+    described_walls(container).into_iter().map(|(wall, _)| wall).collect()
 }
 
 #[cfg(test)]

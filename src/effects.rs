@@ -51,7 +51,9 @@ impl Effects {
         let rebound = if self.dissipative {
             format!("rebound    on   contact.restitution = {e} is below 1")
         } else {
-            format!("rebound    off  contact.restitution = {e}: nothing is lost, the rebound function is not computed")
+            format!(
+                "rebound    off  contact.restitution = {e}: nothing is lost, the rebound function is not computed"
+            )
         };
         let friction = match &scene.friction {
             None => "friction   off  the scene has no [friction]".into(),
@@ -98,7 +100,8 @@ pub fn elastic(_scene: &Scene) -> Elastic {
 
 /// The scene's friction, eqs. (2.6)-(2.10); none where the scene has none.
 pub fn coulomb(scene: &Scene) -> Coulomb {
-    let (phi, v_min) = scene.friction.as_ref().map_or((0.0, 1.0), |f| (f.coefficient, f.regularization_velocity));
+    let (phi, v_min) =
+        scene.friction.as_ref().map_or((0.0, 1.0), |f| (f.coefficient, f.regularization_velocity));
     Coulomb::new(phi, v_min)
 }
 

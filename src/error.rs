@@ -11,7 +11,9 @@ pub enum Error {
     Input(String),
 
     /// Two particles share one centre: the direction of their contact is undefined.
-    #[error("the centres of particles {i} and {j} coincide at t = {t} s: a contact between them has no direction")]
+    #[error(
+        "the centres of particles {i} and {j} coincide at t = {t} s: a contact between them has no direction"
+    )]
     Coincident {
         /// Lower particle id.
         i: u64,

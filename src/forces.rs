@@ -2,8 +2,8 @@
 //! sums its pairs in the order of their partners' ids, and its walls in the order of the scene. No rank, thread or
 //! list changes an order, so the sums have the same bits everywhere.
 
-use crate::container::Wall;
 use crate::contact::{Action, Law, Rebound, Tangential};
+use crate::container::Wall;
 use crate::neighbors::Lists;
 use crate::ode::{Linear, larger};
 use crate::parallel::{self, GRAIN};
@@ -177,14 +177,16 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     pub fn potential_energy(&self, i: usize) -> f64 {
         let pair = |pair: usize| 0.5 * self.law.stored_energy(self.pair_gap(self.lists.pairs[pair]));
         let pairs: f64 = self.lists.entries(i).iter().map(|entry| pair(entry.pair())).sum();
-        let walls: f64 = self.lists.walls(i).iter().map(|&k| self.law.stored_energy(self.wall_gap(i, k))).sum();
+        let walls: f64 =
+            self.lists.walls(i).iter().map(|&k| self.law.stored_energy(self.wall_gap(i, k))).sum();
         pairs + walls - self.setting.mass * self.setting.gravity.dot(&self.bodies[i].x)
     }
 
     /// Largest overlap of the bodies in place with each other and with walls, m; 0 without any.
     pub fn largest_overlap(&self) -> f64 {
         let pairs = self.lists.pairs.iter().map(|&pair| self.pair_gap(pair));
-        let walls = (0..self.owned).flat_map(|i| self.lists.walls(i).iter().map(move |&k| self.wall_gap(i, k)));
+        let walls =
+            (0..self.owned).flat_map(|i| self.lists.walls(i).iter().map(move |&k| self.wall_gap(i, k)));
         pairs.chain(walls).fold(0.0, |overlap, gap| f64::max(overlap, -gap))
     }
 

@@ -28,7 +28,10 @@ fn main() {
     let world = World::new(universe.world());
     launch::report_panics(world.rank());
     let outcome = catch_unwind(AssertUnwindSafe(|| {
-        assert!(threading >= Threading::Funneled, "this MPI does not allow threads beside the one that calls it");
+        assert!(
+            threading >= Threading::Funneled,
+            "this MPI does not allow threads beside the one that calls it"
+        );
         program::run(&args, &world)
     }));
     let code = match outcome {

@@ -166,7 +166,8 @@ impl Lists {
     fn list_entries(&mut self, ids: &[u64], owned: usize) {
         self.entry_start.clear();
         self.entry_start.resize(owned + 1, 0);
-        let ends = |pair: &[u32; 2]| [(pair[0] as usize, pair[1] as usize), (pair[1] as usize, pair[0] as usize)];
+        let ends =
+            |pair: &[u32; 2]| [(pair[0] as usize, pair[1] as usize), (pair[1] as usize, pair[0] as usize)];
         for pair in &self.pairs {
             for (i, _) in ends(pair) {
                 if i < owned {
@@ -311,8 +312,7 @@ mod tests {
 
     #[test]
     fn walls_are_listed_within_their_reach() {
-        let walls =
-            [Wall::new(Vec3::zeros(), -Vec3::z()), Wall::new(Vec3::new(1.0, 0.0, 0.0), Vec3::x())];
+        let walls = [Wall::new(Vec3::zeros(), -Vec3::z()), Wall::new(Vec3::new(1.0, 0.0, 0.0), Vec3::x())];
         let x = [Vec3::new(0.9, 0.0, 0.15), Vec3::new(0.5, 0.0, 0.1), Vec3::new(0.5, 0.0, 0.5)];
         let mut lists = Lists::default();
         lists.rebuild(&x, &[4, 5, 6], 3, 0.01, &walls, 0.2);

@@ -46,10 +46,11 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
 /// Reads the scene and its particles on rank 0 and checks them on every rank alike. Collective.
 fn load(args: &Args, comm: &dyn Comm) -> Result<(Scene, Start), Error> {
     let text = share(comm, || {
-        let unreadable = |why| Error::Input(format!("{}: the scene cannot be read: {why}", args.scene.display()));
-        std::fs::read(&args.scene).map_err(|why| unreadable(why.to_string())).and_then(|bytes| {
-            String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".into()))
-        })
+        let unreadable =
+            |why| Error::Input(format!("{}: the scene cannot be read: {why}", args.scene.display()));
+        std::fs::read(&args.scene)
+            .map_err(|why| unreadable(why.to_string()))
+            .and_then(|bytes| String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".into())))
     })?;
     let name = args.scene.to_string_lossy();
     let mut scene = Scene::parse(&name, &text, &args.set)?;
@@ -100,14 +101,18 @@ fn share_start(comm: &dyn Comm, own: Start) -> Start {
         let mut bytes: Vec<u8> = list.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
         comm.broadcast(&mut bytes);
         let number = |b: &[u8]| f64::from_le_bytes(b.try_into().expect("chunks have eight bytes"));
-        bytes.chunks_exact(24).map(|row| [number(&row[..8]), number(&row[8..16]), number(&row[16..])]).collect()
+        bytes
+            .chunks_exact(24)
+            .map(|row| [number(&row[..8]), number(&row[8..16]), number(&row[16..])])
+            .collect()
     };
     Start { x: both(own.x), v: both(own.v), omega: both(own.omega) }
 }
 
 /// Refuses a scene that this machine cannot hold.
 fn check_memory(scene: &Scene, count: u64) -> Result<(), Error> {
-    let (needed, there) = (count.saturating_mul(report::bytes_per_particle(scene)), launch::physical_memory());
+    let (needed, there) =
+        (count.saturating_mul(report::bytes_per_particle(scene)), launch::physical_memory());
     if there > 0 && needed > there {
         return Err(Error::Input(format!(
             "{count} particles need about {}, and this machine has {}: fewer particles or more machines would do",
@@ -151,7 +156,8 @@ impl Task for Run<'_> {
         let rotation = W::COMPONENTS > 0;
         let output = Output::create(comm, place, &info, count, scene.particles.radius, rotation, block)?;
         let progress = Progress::new(comm.rank(), scene.t_end, args.quiet, args.verbose);
-        let mut recorder = Recorder { output, progress, started, measures: None, last: Last::default(), frames: 0 };
+        let mut recorder =
+            Recorder { output, progress, started, measures: None, last: Last::default(), frames: 0 };
         recorder.last.count = count;
         let outcome = simulation.run(&mut recorder);
         recorder.progress.close();
@@ -173,7 +179,8 @@ impl Task for Run<'_> {
 }
 
 /// The instruction set of the contact kernel.
-const INSTRUCTION_SET: &str = if cfg!(target_arch = "x86_64") { "x86_64 sse2" } else { std::env::consts::ARCH };
+const INSTRUCTION_SET: &str =
+    if cfg!(target_arch = "x86_64") { "x86_64 sse2" } else { std::env::consts::ARCH };
 
 /// Writes frames and tells about them.
 struct Recorder<'a> {

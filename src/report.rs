@@ -21,8 +21,13 @@ pub fn cut_force_warning(scene: &Scene) -> Option<String> {
     let contact = &scene.contact;
     let g = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     let weight = scene.particles.mass * g;
-    let (scale, name) = if weight > 0.0 { (weight, "the weight of a particle") } else { (contact.repulsion_at_contact, "F_0") };
-    let cut = contact.repulsion_at_contact * (-contact.stiffness_exponent * contact.interaction_distance).exp();
+    let (scale, name) = if weight > 0.0 {
+        (weight, "the weight of a particle")
+    } else {
+        (contact.repulsion_at_contact, "F_0")
+    };
+    let cut =
+        contact.repulsion_at_contact * (-contact.stiffness_exponent * contact.interaction_distance).exp();
     let enough = (contact.repulsion_at_contact / (1e-3 * scale)).ln() / contact.stiffness_exponent;
     (cut > 1e-3 * scale).then(|| {
         format!(
@@ -66,7 +71,14 @@ pub fn size(bytes: u64) -> String {
 }
 
 /// What a run would do, for `--dry-run`. Collective; the text is the same on every rank.
-pub fn plan(comm: &dyn Comm, name: &Path, scene: &Scene, start: &Start, threads: usize, output: &str) -> String {
+pub fn plan(
+    comm: &dyn Comm,
+    name: &Path,
+    scene: &Scene,
+    start: &Start,
+    threads: usize,
+    output: &str,
+) -> String {
     let effects = Effects::of(scene);
     let count = start.x.len() as u64;
     let own = rows::block(count, comm.rank(), comm.size());
@@ -83,7 +95,14 @@ pub fn plan(comm: &dyn Comm, name: &Path, scene: &Scene, start: &Start, threads:
         let _ = writeln!(text, "{head:<12}{rest}");
     };
     line("scene", format!("{} is valid; nothing was run", name.display()));
-    line("variant", format!("{} ({})", effects.variant.name(), if effects.dissipative { "dissipative" } else { "elastic" }));
+    line(
+        "variant",
+        format!(
+            "{} ({})",
+            effects.variant.name(),
+            if effects.dissipative { "dissipative" } else { "elastic" }
+        ),
+    );
     for (k, effect) in effects.explain(scene).into_iter().enumerate() {
         line(if k == 0 { "effects" } else { "" }, effect);
     }
@@ -98,7 +117,10 @@ pub fn plan(comm: &dyn Comm, name: &Path, scene: &Scene, start: &Start, threads:
     line("ranks", format!("{} with {threads} threads each; ghosts within {reach:.4} m", comm.size()));
     for (rank, n) in owned.iter().enumerate() {
         let (low, high) = slabs.of(rank);
-        line(if rank == 0 { "slabs" } else { "" }, format!("rank {rank}: {low:.4} m <= z < {high:.4} m, {n} particles"));
+        line(
+            if rank == 0 { "slabs" } else { "" },
+            format!("rank {rank}: {low:.4} m <= z < {high:.4} m, {n} particles"),
+        );
     }
     text
 }
@@ -178,29 +200,63 @@ pub fn summary(
     let clocks = &outcome.clocks;
     let mut text = format!(
         "demhybrid: {} done: {} particles, {}, to t = {} s\n",
-        name.display(), last.count, Effects::of(scene).variant.name(), scene.t_end
+        name.display(),
+        last.count,
+        Effects::of(scene).variant.name(),
+        scene.t_end
     );
     let mut line = |head: &str, rest: String| {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "  {head:<18}{rest}");
     };
-    line("steps", format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"));
-    line("right-hand sides", format!("{rhs} ({}, tolerance {})", scene.solver.method, scene.solver.tolerance));
-    line("pair evaluations", format!("{pairs} ({:.2} per particle and right-hand side)", per(pairs, count as f64 * rhs as f64)));
+    line(
+        "steps",
+        format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"),
+    );
+    line(
+        "right-hand sides",
+        format!("{rhs} ({}, tolerance {})", scene.solver.method, scene.solver.tolerance),
+    );
+    line(
+        "pair evaluations",
+        format!("{pairs} ({:.2} per particle and right-hand side)", per(pairs, count as f64 * rhs as f64)),
+    );
     line("lists built", format!("{rebuilds}"));
-    line("energy", format!("kinetic {:.6e} J, potential {:.6e} J", last.kinetic_energy, last.potential_energy));
+    line(
+        "energy",
+        format!("kinetic {:.6e} J, potential {:.6e} J", last.kinetic_energy, last.potential_energy),
+    );
     line("bed height", format!("{:.6} m", last.bed_height));
-    line("largest overlap", format!("{:.3e} m ({:.1} % of the radius)", outcome.largest_overlap, 100.0 * outcome.largest_overlap / r));
-    line("wall time", format!(
-        "{:.2} s on {} ranks with {threads} threads: forces {:.2}, ghosts {:.2}, lists {:.2}, reduction {:.2}, output {:.2}",
-        outcome.seconds, comm.size(),
-        clocks.forces.as_secs_f64(), clocks.ghosts.as_secs_f64(), clocks.lists.as_secs_f64(),
-        clocks.reduction.as_secs_f64(), outcome.output_seconds
-    ));
-    line("memory", format!(
-        "solver {} bytes per particle ({} in all, {ghosts} ghosts), peak of all ranks {}",
-        bytes / count, size(bytes), size(peak)
-    ));
+    line(
+        "largest overlap",
+        format!(
+            "{:.3e} m ({:.1} % of the radius)",
+            outcome.largest_overlap,
+            100.0 * outcome.largest_overlap / r
+        ),
+    );
+    line(
+        "wall time",
+        format!(
+            "{:.2} s on {} ranks with {threads} threads: forces {:.2}, ghosts {:.2}, lists {:.2}, reduction {:.2}, output {:.2}",
+            outcome.seconds,
+            comm.size(),
+            clocks.forces.as_secs_f64(),
+            clocks.ghosts.as_secs_f64(),
+            clocks.lists.as_secs_f64(),
+            clocks.reduction.as_secs_f64(),
+            outcome.output_seconds
+        ),
+    );
+    line(
+        "memory",
+        format!(
+            "solver {} bytes per particle ({} in all, {ghosts} ghosts), peak of all ranks {}",
+            bytes / count,
+            size(bytes),
+            size(peak)
+        ),
+    );
     line("output", output.into());
     text
 }
@@ -257,7 +313,10 @@ mod tests {
     fn a_cut_force_is_warned_of_with_the_distance_that_would_do() {
         let warning = cut_force_warning(&scene(&["contact.stiffness_exponent=30"])).unwrap();
         // 10 exp(-30 l) = 9.81e-3 at l = 0.23090 m.
-        assert!(warning.contains("contact.interaction_distance = 0.1 m") && warning.contains("0.2310 m"), "{warning}");
+        assert!(
+            warning.contains("contact.interaction_distance = 0.1 m") && warning.contains("0.2310 m"),
+            "{warning}"
+        );
         let enough = scene(&["contact.stiffness_exponent=30", "contact.interaction_distance=0.2310"]);
         assert_eq!(cut_force_warning(&enough), None);
         let weightless = scene(&["contact.stiffness_exponent=30", "gravity=[0,0,0]"]);

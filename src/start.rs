@@ -5,8 +5,9 @@ mod file;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::container::described_walls;
 use crate::error::Error;
-use crate::scene::{BoxSides, Grid, Scene, WallPlane, cells_along};
+use crate::scene::{Grid, Scene, cells_along};
 pub use file::read_csv;
 
 /// Initial state of all particles; row `k` is the particle of id `k`, all three lists have one length.
@@ -46,7 +47,7 @@ pub fn grid(scene: &Scene, grid: &Grid) -> Start {
 /// Checks what needs positions, for either source: all numbers are finite, spins are 0 without rotation, and every
 /// centre lies strictly inside all walls.
 pub fn check(scene: &Scene, start: &Start) -> Result<(), Error> {
-    let walls = walls(scene);
+    let walls = described_walls(&scene.container);
     let rotates = scene.rotates();
     for (id, ((x, v), omega)) in start.x.iter().zip(&start.v).zip(&start.omega).enumerate() {
         let wrong = |what: &str| Err(Error::Input(format!("{}: particle {id} {what}", origin(scene))));
@@ -58,15 +59,15 @@ pub fn check(scene: &Scene, start: &Start) -> Result<(), Error> {
         if !rotates && *omega != [0.0; 3] {
             return wrong(&format!("has the angular velocity {} 1/s, but {NO_ROTATION}", triple(omega)));
         }
-        for wall in &walls {
-            let beyond = wall.beyond(x);
+        for (wall, name) in &walls {
+            let beyond = -wall.depth(&(*x).into());
             if beyond >= 0.0 || beyond.is_nan() {
                 let how_far = match beyond {
                     0.0 => "lies exactly on".to_owned(),
                     _ => format!("lies {} m beyond", short(beyond)),
                 };
                 let hint = "every centre must be strictly inside all walls";
-                return wrong(&format!("at {} m {how_far} {}: {hint}", triple(x), wall.name));
+                return wrong(&format!("at {} m {how_far} {}: {hint}", triple(x), name));
             }
         }
     }
@@ -82,59 +83,6 @@ fn origin(scene: &Scene) -> String {
     match &scene.particles.file {
         Some(file) => file.display().to_string(),
         None => "particles.grid".to_owned(),
-    }
-}
-
-/// A plane that centres must not reach.
-struct Plane {
-    name: String,
-    point: [f64; 3],
-    /// Outward unit normal.
-    normal: [f64; 3],
-}
-
-impl Plane {
-    /// How far `x` lies outside, m; negative inside.
-    fn beyond(&self, x: &[f64; 3]) -> f64 {
-        (0..3).map(|axis| (x[axis] - self.point[axis]) * self.normal[axis]).sum()
-    }
-}
-
-/// All walls in their numbering: finite box sides min x, max x, min y, ..., then `container.wall`.
-fn walls(scene: &Scene) -> Vec<Plane> {
-    let mut planes = Vec::new();
-    if let Some(sides) = &scene.container.r#box {
-        for axis in 0..3 {
-            planes.extend(side(sides, axis, false));
-            planes.extend(side(sides, axis, true));
-        }
-    }
-    planes.extend(scene.container.wall.iter().enumerate().map(|(number, wall)| plane(number, wall)));
-    planes
-}
-
-fn side(sides: &BoxSides, axis: usize, upper: bool) -> Option<Plane> {
-    let (corner, sign, at) =
-        if upper { ("max", 1.0, sides.max[axis]) } else { ("min", -1.0, sides.min[axis]) };
-    let letter = ["x", "y", "z"][axis];
-    let along = |value| std::array::from_fn(|other| if other == axis { value } else { 0.0 });
-    at.is_finite().then(|| Plane {
-        name: format!("the side {letter} = {at} m of the box (container.box.{corner})"),
-        point: along(at),
-        normal: along(sign),
-    })
-}
-
-fn plane(number: usize, wall: &WallPlane) -> Plane {
-    // Scaled by the largest component first, so that no square overflows or vanishes.
-    let largest = wall.normal.iter().fold(0.0, |largest: f64, n| largest.max(n.abs()));
-    let scaled = wall.normal.map(|n| n / largest);
-    let length = scaled.iter().map(|n| n * n).sum::<f64>().sqrt();
-    let (point, normal) = (triple(&wall.point), triple(&wall.normal));
-    Plane {
-        name: format!("container.wall[{number}] (point {point} m, outward normal {normal})"),
-        point: wall.point,
-        normal: scaled.map(|n| n / length),
     }
 }
 
@@ -226,12 +174,12 @@ mod tests {
     #[test]
     fn walls_are_numbered_and_only_finite_sides_count() {
         let scene = scene(&["container.wall=[{ normal = [0, -3, -4] }]"]);
-        let walls = walls(&scene);
+        let walls = described_walls(&scene.container);
         assert_eq!(walls.len(), 6);
-        assert!(walls[3].name.contains("y = 1 m"), "{}", walls[3].name);
-        assert!(walls[5].name.contains("container.wall[0]"));
+        assert!(walls[3].1.contains("y = 1 m"), "{}", walls[3].1);
+        assert!(walls[5].1.contains("container.wall[0]"));
         // (0, -3, -4) has length 5.
-        assert!((walls[5].beyond(&[9.0, 1.0, 1.0]) + 1.4).abs() < 1e-15);
+        assert!((walls[5].0.depth(&[9.0, 1.0, 1.0].into()) - 1.4).abs() < 1e-15);
     }
 
     #[test]

@@ -122,10 +122,13 @@ mod tests {
                     omega: Spinning(Vec3::new(0.0, 0.0, -(id as f64))),
                 };
                 let owner = |id: u64| (id % ranks as u64) as usize;
-                let ids: Vec<u64> = (0..40).filter(|&id| owner(id) == comm.rank() && owner(id) != 3).collect();
+                let ids: Vec<u64> =
+                    (0..40).filter(|&id| owner(id) == comm.rank() && owner(id) != 3).collect();
                 let mut y: Vec<_> = ids.iter().map(|&id| body(id)).collect();
                 let extents: Vec<Extent> = (0..ranks)
-                    .map(|q| Extent::of((0..40).filter(|&id| owner(id) == q && q != 3).map(|id| body(id).x.z)))
+                    .map(|q| {
+                        Extent::of((0..40).filter(|&id| owner(id) == q && q != 3).map(|id| body(id).x.z))
+                    })
                     .collect();
                 let mut halo = Halo::default();
                 let ghost_ids = halo.plan(comm, &ids, &y, &extents, 0.25);

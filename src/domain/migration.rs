@@ -116,14 +116,19 @@ mod tests {
     use crate::particle::{Locked, Vec3};
 
     fn body(id: u64) -> Motion<Locked> {
-        Motion { x: Vec3::new(0.5, 0.0, (id as f64 * 0.37).sin()), v: Vec3::new(id as f64, 0.0, 0.0), omega: Locked }
+        Motion {
+            x: Vec3::new(0.5, 0.0, (id as f64 * 0.37).sin()),
+            v: Vec3::new(id as f64, 0.0, 0.0),
+            omega: Locked,
+        }
     }
 
     #[test]
     fn particles_arrive_at_the_owner_of_their_height_sorted_by_id() {
         for ranks in 1..=5 {
             team(ranks, |comm| {
-                let mut ids: Vec<u64> = (0..200).rev().filter(|id| *id as usize % ranks == comm.rank()).collect();
+                let mut ids: Vec<u64> =
+                    (0..200).rev().filter(|id| *id as usize % ranks == comm.rank()).collect();
                 let mut y: Vec<_> = ids.iter().map(|&id| body(id)).collect();
                 let census = Census::take(comm, &ids);
                 assert_eq!(census.count(), 200);
@@ -146,7 +151,10 @@ mod tests {
         assert_eq!(census.check(&Solo, &fewer, 1.5), Err(Error::Migration { id: 42, what: "lost", t: 1.5 }));
         let mut twice = fewer.clone();
         twice.push(17);
-        assert_eq!(census.check(&Solo, &twice, 1.5), Err(Error::Migration { id: 17, what: "duplicated", t: 1.5 }));
+        assert_eq!(
+            census.check(&Solo, &twice, 1.5),
+            Err(Error::Migration { id: 17, what: "duplicated", t: 1.5 })
+        );
     }
 
     #[test]

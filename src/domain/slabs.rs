@@ -136,7 +136,9 @@ mod tests {
             team(ranks, |comm| {
                 // Rank 0 holds everything, one particle is very far away.
                 let z: Vec<f64> = match comm.rank() {
-                    0 => (0..1000).map(|k| if k == 77 { -1e200 } else { f64::from(k % 500).sqrt() }).collect(),
+                    0 => {
+                        (0..1000).map(|k| if k == 77 { -1e200 } else { f64::from(k % 500).sqrt() }).collect()
+                    }
                     _ => Vec::new(),
                 };
                 let mut slabs = Slabs::new(ranks);

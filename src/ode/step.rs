@@ -15,7 +15,12 @@ pub struct Stepper<S> {
 impl<S: Linear> Stepper<S> {
     /// A stepper for `tableau`; buffers follow the number of owned particles.
     pub fn new(tableau: &'static Tableau) -> Self {
-        Stepper { tableau, slopes: vec![Vec::new(); tableau.stages()], stage: Vec::new(), first_slope_known: false }
+        Stepper {
+            tableau,
+            slopes: vec![Vec::new(); tableau.stages()],
+            stage: Vec::new(),
+            first_slope_known: false,
+        }
     }
 
     /// The method.
@@ -44,7 +49,14 @@ impl<S: Linear> Stepper<S> {
     }
 
     /// Takes a trial step `h` (s) from `y` at time `t` (s) and leaves the result in `next`. Collective.
-    pub fn attempt<P: Ivp<State = S>>(&mut self, ivp: &mut P, t: f64, h: f64, y: &[S], next: &mut Vec<S>) -> Verdict {
+    pub fn attempt<P: Ivp<State = S>>(
+        &mut self,
+        ivp: &mut P,
+        t: f64,
+        h: f64,
+        y: &[S],
+        next: &mut Vec<S>,
+    ) -> Verdict {
         let n = y.len();
         self.stage.resize(n, S::zero());
         next.resize(n, S::zero());
