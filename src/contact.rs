@@ -67,18 +67,12 @@ impl Rebound for Dissipative {
 
 /// What happens along the surfaces, eqs. (2.6)-(2.12).
 pub trait Tangential: Copy + Send + Sync + 'static {
-    /// Adds friction to the action on i. `repulsion` is the full F of eq. (2.1), not reduced by the rebound
-    /// function (N); `opening` is the speed of separation n.v_rel (m/s); `spins` is w_i + w_j (rad/s).
-    fn rub<W: Spin>(
-        &self,
-        r: f64,
-        repulsion: f64,
-        n: &Vec3,
-        opening: f64,
-        v_rel: &Vec3,
-        spins: &W,
-        action: &mut Action<W>,
-    );
+    /// Surfaces rub; otherwise neither slip nor torque is computed.
+    const RUBS: bool;
+
+    /// Friction (N) at the given `slip` (m/s), eqs. (2.6) and (2.9). `repulsion` (N) is the full F of eq. (2.1), not
+    /// reduced by the rebound function.
+    fn friction(&self, repulsion: f64, slip: &Vec3) -> Vec3;
 }
 
 /// No friction: the basic variant.
@@ -107,29 +101,20 @@ impl Coulomb {
 }
 
 impl Tangential for Frictionless {
+    const RUBS: bool = false;
+
     #[inline(always)]
-    fn rub<W: Spin>(&self, _: f64, _: f64, _: &Vec3, _: f64, _: &Vec3, _: &W, _: &mut Action<W>) {}
+    fn friction(&self, _repulsion: f64, _slip: &Vec3) -> Vec3 {
+        Vec3::zeros()
+    }
 }
 
 impl Tangential for Coulomb {
+    const RUBS: bool = true;
+
     #[inline(always)]
-    fn rub<W: Spin>(
-        &self,
-        r: f64,
-        repulsion: f64,
-        n: &Vec3,
-        opening: f64,
-        v_rel: &Vec3,
-        spins: &W,
-        action: &mut Action<W>,
-    ) {
-        // Eqs. (2.7) and (2.10).
-        let slip = v_rel - n * opening - spins.surface_velocity(r, n);
-        // Eqs. (2.6) and (2.9).
-        let friction = slip * (-self.phi * repulsion * self.limiter_over_slip(slip.norm()));
-        action.force += friction;
-        // Eqs. (2.11) and (2.12).
-        action.torque = W::torque(r, n, &friction);
+    fn friction(&self, repulsion: f64, slip: &Vec3) -> Vec3 {
+        slip * (-self.phi * repulsion * self.limiter_over_slip(slip.norm()))
     }
 }
 
@@ -175,7 +160,13 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
         let opening = n.dot(v_rel);
         let repulsion = self.repulsion(gap);
         let mut action = Action { force: n * (repulsion * self.rebound.share(-opening)), torque: W::zero() };
-        self.tangential.rub(self.r, repulsion, n, opening, v_rel, spins, &mut action);
+        if T::RUBS {
+            // Eqs. (2.7) and (2.10).
+            let slip = v_rel - n * opening - spins.surface_velocity(self.r, n);
+            let friction = self.tangential.friction(repulsion, &slip);
+            action.force += friction;
+            action.torque = W::torque(self.r, n, &friction);
+        }
         action
     }
 }
@@ -260,7 +251,7 @@ mod tests {
         assert_eq!(rho.share(-1e9), 0.4 * 0.4);
         // Against the printed form of eq. (2.4).
         for v in [-0.3, -0.01, 1e-9, 0.02, 0.7] {
-            let printed = 0.16 + 0.5 * (1.0 - 0.16) * (1.0 + (10.0 * v as f64).tanh());
+            let printed = 0.16 + 0.5 * (1.0 - 0.16) * (1.0 + f64::tanh(10.0 * v));
             assert!((rho.share(v) - printed).abs() < 1e-15);
         }
         assert_eq!(Dissipative::new(1.0, 10.0).share(-0.2), Elastic.share(-0.2));

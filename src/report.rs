@@ -312,12 +312,12 @@ mod tests {
     #[test]
     fn a_cut_force_is_warned_of_with_the_distance_that_would_do() {
         let warning = cut_force_warning(&scene(&["contact.stiffness_exponent=30"])).unwrap();
-        // 10 exp(-30 l) = 9.81e-3 at l = 0.23090 m.
+        // 10 exp(-30 l) = 9.81e-3 at l = 0.230897 m.
         assert!(
-            warning.contains("contact.interaction_distance = 0.1 m") && warning.contains("0.2310 m"),
+            warning.contains("contact.interaction_distance = 0.1 m") && warning.contains("0.2309 m"),
             "{warning}"
         );
-        let enough = scene(&["contact.stiffness_exponent=30", "contact.interaction_distance=0.2310"]);
+        let enough = scene(&["contact.stiffness_exponent=30", "contact.interaction_distance=0.2309"]);
         assert_eq!(cut_force_warning(&enough), None);
         let weightless = scene(&["contact.stiffness_exponent=30", "gravity=[0,0,0]"]);
         // exp(-30 l) = 1e-3 at l = 0.23026 m.
