@@ -48,8 +48,11 @@ pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
         }
     }
     walls.extend(container.wall.iter().enumerate().map(|(number, wall)| {
-        let name =
-            format!("container.wall[{number}] (point {:?} m, outward normal {:?})", wall.point, wall.normal);
+        let name = format!(
+            "container.wall[{number}] (point {} m, outward normal {})",
+            triple(&wall.point),
+            triple(&wall.normal)
+        );
         (Wall::new(wall.point.into(), wall.normal.into()), name)
     }));
     walls
@@ -58,6 +61,21 @@ pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
 /// The walls of a scene, in the same order.
 pub fn walls(container: &scene::Container) -> Vec<Wall> {
     described_walls(container).into_iter().map(|(wall, _)| wall).collect()
+}
+
+/// A vector in round brackets, for messages.
+pub(crate) fn triple(vector: &[f64; 3]) -> String {
+    let [x, y, z] = vector.map(short);
+    format!("({x}, {y}, {z})")
+}
+
+/// Six digits are enough to find a number again.
+pub(crate) fn short(number: f64) -> String {
+    let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
+    match rounded.abs() {
+        1e-4..1e7 | 0.0 => format!("{rounded}"),
+        _ => format!("{rounded:e}"),
+    }
 }
 
 #[cfg(test)]

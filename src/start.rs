@@ -5,7 +5,7 @@ mod file;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::container::described_walls;
+use crate::container::{described_walls, short, triple};
 use crate::error::Error;
 use crate::scene::{Grid, Scene, cells_along};
 pub use file::read_csv;
@@ -83,20 +83,6 @@ fn origin(scene: &Scene) -> String {
     match &scene.particles.file {
         Some(file) => file.display().to_string(),
         None => "particles.grid".to_owned(),
-    }
-}
-
-fn triple(vector: &[f64; 3]) -> String {
-    let [x, y, z] = vector.map(short);
-    format!("({x}, {y}, {z})")
-}
-
-/// Six digits are enough to find a number again.
-fn short(number: f64) -> String {
-    let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
-    match rounded.abs() {
-        1e-4..1e7 | 0.0 => format!("{rounded}"),
-        _ => format!("{rounded:e}"),
     }
 }
 
