@@ -13,8 +13,8 @@ use hdf5_sys::h5i::hid_t;
 use hdf5_sys::h5p::{H5FD_mpio_xfer_t, H5P_CLS_DATASET_XFER, H5Pcreate, H5Pset_dxpl_mpio};
 use hdf5_sys::h5s::{H5S_seloper_t, H5Sselect_hyperslab, H5Sselect_none};
 
-// Not in hdf5-metno-sys. The first result is an enumeration, received as an int because a later library may
-// return a value that today's list does not have.
+// Not in hdf5-metno-sys. The mode is an enumeration, received as an int because a later library may return a value
+// that today's list does not have.
 unsafe extern "C" {
     fn H5Pget_mpio_actual_io_mode(list: hid_t, mode: *mut c_int) -> c_int;
     fn H5Pget_mpio_no_collective_cause(list: hid_t, local: *mut u32, global: *mut u32) -> c_int;
@@ -73,6 +73,11 @@ impl Transfer {
             })?;
         }
         Ok(Transfer { together, alone, parallel })
+    }
+
+    /// Whether the file is open through MPI-IO.
+    pub fn is_parallel(&self) -> bool {
+        self.parallel
     }
 
     /// Collective. Writes this rank's `rows`, possibly none, to `dataset` from row `first` on. The dataset must

@@ -1,11 +1,13 @@
 //! The groups and arrays of the file, and how one frame is added to them.
 
+use std::fs;
 use std::mem;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use hdf5::plist::dataset_create::FillTime;
+use hdf5::plist::file_access::{FileAccess, MetadataWriteStrategy};
 use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, Extent, File, Group, Location, Result};
 
@@ -17,6 +19,8 @@ use crate::domain::comm::Comm;
 const FRAMES_PER_CHUNK: u64 = 1024;
 /// Longest scene text that is an attribute, bytes; a longer one becomes a dataset.
 const LONGEST_ATTRIBUTE: usize = 60 << 10;
+/// What HDF5 needs at most to find one more chunk, bytes: a few nodes of a tree.
+const INDEX_BYTES: u64 = 16 << 10;
 /// Bytes of one row of a vector quantity.
 const VECTOR_BYTES: u64 = 24;
 
@@ -63,6 +67,8 @@ pub struct Frames {
     position: Dataset,
     velocity: Dataset,
     angular_velocity: Option<Dataset>,
+    /// `NumberOfPoints`.
+    sizes: Dataset,
     schedules: Vec<Schedule>,
     /// Where a frame's cells start, for VTK's four kinds of cells: always 0, all frames share them.
     cell_offsets: Vec<Dataset>,
@@ -74,6 +80,7 @@ pub struct Frames {
     run: Group,
     transfer: Transfer,
     file: File,
+    path: PathBuf,
     /// Particles, the rows of a frame.
     count: u64,
     /// T, complete frames in the file.
@@ -96,13 +103,17 @@ impl Frames {
         let file = {
             let mut options = File::with_options();
             if let Some(communicator) = comm.raw() {
-                options.with_fapl(|access| access.mpio(communicator, None));
+                // One rank writes all metadata, in one sweep. By default all ranks share them out: when one was killed
+                // a little before the others, half of an update was in the file (tried).
+                let mut cache = FileAccess::try_new()?.get_mdc_config()?;
+                cache.metadata_write_strategy = MetadataWriteStrategy::ProcessZeroOnly;
+                options.with_fapl(|access| access.mpio(communicator, None).mdc_config(&cache));
             }
             options.create(path)?
         };
         // Closing the file is collective: should the next lines fail, this second handle keeps it open for ever.
         let keep_open = file.clone();
-        match Self::lay_out(comm, file, info, count, radius, rotation, id_rows) {
+        match Self::lay_out(comm, (file, path), info, count, radius, rotation, id_rows) {
             Ok(frames) => Ok(frames),
             Err(why) => {
                 mem::forget(keep_open);
@@ -113,7 +124,7 @@ impl Frames {
 
     fn lay_out(
         comm: &dyn Comm,
-        file: File,
+        (file, path): (File, &Path),
         info: &RunInfo,
         count: u64,
         radius: f64,
@@ -138,7 +149,6 @@ impl Frames {
             schedules.push(Schedule { array, first, stride });
             Ok(())
         };
-        schedule(&root, "NumberOfPoints", n, 0)?;
         for name in ["Vertices", "Lines", "Polygons", "Strips"] {
             // Every particle is a vertex; the other kinds of cells must be there and are empty.
             let cells = root.create_group(name)?;
@@ -166,6 +176,7 @@ impl Frames {
             angular_velocity: rotation
                 .then(|| growing::<[f64; 3]>(&point_data, "angular_velocity", rows))
                 .transpose()?,
+            sizes: growing::<i64>(&root, "NumberOfPoints", FRAMES_PER_CHUNK)?,
             schedules,
             cell_offsets: ["CellOffsets", "ConnectivityIdOffsets"]
                 .map(|name| growing::<[i64; 4]>(&steps, name, FRAMES_PER_CHUNK))
@@ -184,12 +195,13 @@ impl Frames {
             steps,
             transfer,
             file,
+            path: path.to_path_buf(),
             count,
             complete: 0,
             writes_small,
         };
         frames.write_static(comm, &root, &point_data, radius, id_rows)?;
-        frames.file.flush()?;
+        frames.flush(0)?;
         Ok(frames)
     }
 
@@ -236,6 +248,12 @@ impl Frames {
             self.write_vectors(array, k, rows.first, rows.angular_velocity.unwrap_or_default())?;
         }
         let transfer = self.transfer.report()?;
+        // VTK takes a file of one frame for one without time, and all rows of `NumberOfPoints` for its parts. So the
+        // second row has to wait for `NSteps`; it is the only one that must.
+        let second = k == 1;
+        if !second {
+            self.put(&self.sizes, k, self.count as i64)?;
+        }
         for schedule in &self.schedules {
             self.put(&schedule.array, k, schedule.first + k as i64 * schedule.stride)?;
         }
@@ -248,13 +266,16 @@ impl Frames {
         for (array, (_, number)) in self.count_columns.iter().zip(COUNT_COLUMNS) {
             self.put(array, k, number(measures) as i64)?;
         }
-        self.file.flush()?;
+        self.flush(self.growth(k))?;
 
         // Only then the frame is said to be there.
+        if second {
+            self.put(&self.sizes, k, self.count as i64)?;
+        }
         self.put(&self.times, k, measures.time)?;
         set(&self.steps, "NSteps", k as i64 + 1)?;
         self.count_up(measures)?;
-        self.file.flush()?;
+        self.flush(self.small_growth(k))?;
         self.complete += 1;
         Ok(transfer)
     }
@@ -262,9 +283,9 @@ impl Frames {
     /// Final attributes. Collective.
     pub fn complete(&mut self, measures: &Measures) -> Result<()> {
         self.count_up(measures)?;
-        self.file.flush()?;
+        self.flush(0)?;
         set(&self.run, "completed", 1_i64)?;
-        self.file.flush()
+        self.flush(0)
     }
 
     /// Closes everything, and the file last. Collective.
@@ -273,6 +294,35 @@ impl Frames {
         let file = self.file.clone();
         drop(self);
         file.close()
+    }
+
+    /// Brings everything written so far to the disk; the file may have grown by `growth` bytes. Collective.
+    ///
+    /// HDF5 writes the new length into the head of the file before it makes the file so long, and a file shorter than
+    /// its head says cannot be opened: a kill between the two lost everything (tried). So the file is made longer
+    /// first, which takes no space, and HDF5 cuts it to what it is. (The serial driver would not cut it.)
+    fn flush(&self, growth: u64) -> Result<()> {
+        if self.writes_small && self.transfer.is_parallel() && growth > 0 {
+            let lengthen = |file: fs::File| file.set_len(file.metadata()?.len() + growth);
+            let opened = fs::OpenOptions::new().write(true).open(&self.path);
+            opened.and_then(lengthen).map_err(|why| why.to_string())?;
+        }
+        self.file.flush()
+    }
+
+    /// Bytes that frame `k` may add to the file, generously; 0 if it fits into what is laid out already, so that HDF5
+    /// will leave the length alone.
+    fn growth(&self, k: u64) -> u64 {
+        let rows = rows_per_chunk(self.count);
+        let chunks = |frames: u64| (frames * self.count).div_ceil(rows);
+        let arrays = 2 + u64::from(self.angular_velocity.is_some());
+        let vectors = arrays * (chunks(k + 1) - chunks(k)) * (rows * VECTOR_BYTES + INDEX_BYTES);
+        vectors + self.small_growth(k)
+    }
+
+    /// The part of `growth` for arrays with one row per frame.
+    fn small_growth(&self, k: u64) -> u64 {
+        if k.is_multiple_of(FRAMES_PER_CHUNK) { 64 * (FRAMES_PER_CHUNK * 32 + INDEX_BYTES) } else { 0 }
     }
 
     fn count_up(&self, measures: &Measures) -> Result<()> {
