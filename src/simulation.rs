@@ -198,6 +198,16 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         &self.dynamics
     }
 
+    /// The equations of motion, to evaluate them at will.
+    pub fn dynamics_mut(&mut self) -> &mut Dynamics<'c, R, T, W> {
+        &mut self.dynamics
+    }
+
+    /// Last accepted state of the owned particles, by id.
+    pub fn state(&self) -> &[Motion<W>] {
+        &self.y
+    }
+
     /// Runs to the end of the scene and hands every frame to `observer`. Collective.
     pub fn run(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
         let mut output_seconds = 0.0;

@@ -1,0 +1,61 @@
+//! Packed beds for benches and what it takes to evaluate them.
+
+#![allow(dead_code)] // every bench uses a part
+
+use demhybrid::contact::{Rebound, Tangential};
+use demhybrid::domain::Solo;
+use demhybrid::scene::{Container, Scene};
+use demhybrid::simulation::{Simulation, Task, dispatch};
+use demhybrid::start::Start;
+use rand::{RngExt, SeedableRng};
+
+/// The paper's scene in one of its variants, without walls.
+pub fn scene(variant: &str) -> Scene {
+    let text = match variant {
+        "basic" => include_str!("../../configs/settle-basic.toml"),
+        "friction" => include_str!("../../configs/settle-friction.toml"),
+        _ => include_str!("../../configs/settle.toml"),
+    };
+    Scene { container: Container::default(), ..Scene::parse(variant, text, &[]).unwrap_or_else(|why| panic!("{why}")) }
+}
+
+/// The three variants.
+pub const VARIANTS: [&str; 3] = ["basic", "friction", "friction+rotation"];
+
+/// `n` spheres of radius 0.1 m packed as densely as a settled bed, 5 across and 10 deep, with small random shifts and
+/// velocities.
+pub fn bed(n: usize) -> Start {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
+    let mut vector = |size: f64| -> [f64; 3] { std::array::from_fn(|_| size * (random.random::<f64>() - 0.5)) };
+    let mut start = Start::default();
+    for k in 0..n {
+        let cell = [k / 50, k % 5, k / 5 % 10];
+        let shift = vector(0.02);
+        start.x.push(std::array::from_fn(|axis| 0.187 * cell[axis] as f64 + shift[axis]));
+        start.v.push(vector(0.1));
+        start.omega.push([0.0; 3]);
+    }
+    start
+}
+
+/// Hands a simulation of `start` to `job`, with the scene's effects as types.
+pub fn simulate(scene: &Scene, start: &Start, job: impl Job) {
+    struct Bench<'a, J>(&'a Scene, &'a Start, J);
+    impl<J: Job> Task for Bench<'_, J> {
+        type Output = ();
+        fn with<R: Rebound, T: Tangential, W: demhybrid::particle::Spin>(
+            self,
+            law: demhybrid::contact::Law<R, T>,
+        ) {
+            let simulation = Simulation::<R, T, W>::new(self.0, self.1, law, &Solo);
+            self.2.run(simulation.unwrap_or_else(|why| panic!("{why}")));
+        }
+    }
+    dispatch(scene, Bench(scene, start, job));
+}
+
+/// Work for any variant.
+pub trait Job {
+    /// Does it.
+    fn run<R: Rebound, T: Tangential, W: demhybrid::particle::Spin>(self, simulation: Simulation<R, T, W>);
+}

@@ -1,0 +1,39 @@
+//! One trial step of a packed bed: five right-hand sides, stages, error and agreement, for the three variants.
+
+use common::Job;
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use demhybrid::contact::{Rebound, Tangential};
+use demhybrid::ode::{MERSON, Stepper};
+use demhybrid::particle::Spin;
+use demhybrid::simulation::Simulation;
+
+mod common;
+
+struct Step<'a>(&'a mut Criterion, &'a str, usize);
+
+impl Job for Step<'_> {
+    fn run<R: Rebound, T: Tangential, W: Spin>(self, mut simulation: Simulation<R, T, W>) {
+        let mut group = self.0.benchmark_group(format!("step/{}", self.1));
+        group.sample_size(10).throughput(Throughput::Elements(self.2 as u64));
+        let y = simulation.state().to_vec();
+        let mut stepper = Stepper::new(&MERSON);
+        let mut next = Vec::new();
+        group.bench_function(BenchmarkId::from_parameter(self.2), |b| {
+            b.iter(|| {
+                stepper.forget();
+                stepper.attempt(simulation.dynamics_mut(), 0.0, 1e-5, &y, &mut next)
+            })
+        });
+    }
+}
+
+fn step(c: &mut Criterion) {
+    for variant in common::VARIANTS {
+        for n in [200, 2_000, 20_000] {
+            common::simulate(&common::scene(variant), &common::bed(n), Step(c, variant, n));
+        }
+    }
+}
+
+criterion_group!(benches, step);
+criterion_main!(benches);
