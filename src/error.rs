@@ -55,9 +55,9 @@ pub enum Error {
         t: f64,
     },
 
-    /// No step at or above the smallest allowed one gives a finite state.
+    /// No step at or above the smallest allowed one gives a finite state and a later time.
     #[error(
-        "no finite step from t = {t} s: the step fell to {h} s (solver.min_step = {min_step} s), limited by particle {i}"
+        "no step can be made from t = {t} s: it fell to {h} s (solver.min_step = {min_step} s), limited by particle {i}"
     )]
     NoStep {
         /// Time, s.

@@ -39,6 +39,11 @@ pub fn say(text: &str) {
     let _ = std::io::stderr().write_all(format!("{}\n", text.trim_end()).as_bytes());
 }
 
+/// Prints to stdout; a reader that has left, like `head`, is no failure.
+pub fn print(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}
+
 /// Makes a panic one message that names the rank. Worker threads only print: MPI belongs to the main thread, which
 /// ends the job when the panic reaches it.
 pub fn report_panics(rank: usize) {
@@ -60,7 +65,8 @@ pub fn report_panics(rank: usize) {
 pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<(usize, Option<String>), Error> {
     let usable = thread::available_parallelism().map_or(1, usize::from);
     let ranks = comm.ranks_on_node();
-    let bound = usable < ranks.min(online_cores()) || (usable == 1 && online_cores() > ranks);
+    let launched = number(&WORLD_SIZE).is_some();
+    let bound = launched && (usable < ranks.min(online_cores()) || (usable == 1 && online_cores() > ranks));
     let share = if bound { usable } else { (usable / ranks).max(1) };
     let environment = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse().ok()).filter(|&n| n > 0);
     let threads = wanted.or(environment).unwrap_or(share);

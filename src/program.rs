@@ -35,7 +35,7 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
         };
         let plan = report::plan(comm, &args.scene, &scene, &start, threads, &output);
         if comm.rank() == 0 {
-            print!("{plan}");
+            launch::print(&plan);
         }
         return Ok(());
     }
@@ -171,7 +171,7 @@ impl Task for Run<'_> {
         let written = format!("{}: {frames} frames, {transfer}", file.display());
         let text = report::summary(comm, &args.scene, scene, &outcome, &last, threads, &written);
         if comm.rank() == 0 {
-            print!("{text}");
+            launch::print(&text);
             report::doubts(scene, &outcome).iter().for_each(|doubt| launch::say(doubt));
         }
         Ok(())

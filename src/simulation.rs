@@ -282,6 +282,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             let decision = self.rule.judge(h, verdict.error);
             self.h = decision.next;
             if decision.accept {
+                if self.t + h == self.t {
+                    return Err(self.no_step(h));
+                }
                 self.watch_forced(h, decision.forced)?;
                 return Ok(h);
             }

@@ -16,7 +16,10 @@ pub fn scene(variant: &str) -> Scene {
         "friction" => include_str!("../../configs/settle-friction.toml"),
         _ => include_str!("../../configs/settle.toml"),
     };
-    Scene { container: Container::default(), ..Scene::parse(variant, text, &[]).unwrap_or_else(|why| panic!("{why}")) }
+    Scene {
+        container: Container::default(),
+        ..Scene::parse(variant, text, &[]).unwrap_or_else(|why| panic!("{why}"))
+    }
 }
 
 /// The three variants.
@@ -26,7 +29,8 @@ pub const VARIANTS: [&str; 3] = ["basic", "friction", "friction+rotation"];
 /// velocities.
 pub fn bed(n: usize) -> Start {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
-    let mut vector = |size: f64| -> [f64; 3] { std::array::from_fn(|_| size * (random.random::<f64>() - 0.5)) };
+    let mut vector =
+        |size: f64| -> [f64; 3] { std::array::from_fn(|_| size * (random.random::<f64>() - 0.5)) };
     let mut start = Start::default();
     for k in 0..n {
         let cell = [k / 50, k % 5, k / 5 % 10];
