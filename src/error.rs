@@ -57,7 +57,7 @@ pub enum Error {
 
     /// No step at or above the smallest allowed one gives a finite state and a later time.
     #[error(
-        "no step can be made from t = {t} s: it fell to {h} s (solver.min_step = {min_step} s), limited by particle {i}"
+        "no step can be made from t = {t} s: it fell to {h:e} s (solver.min_step = {min_step:e} s), limited by particle {i}"
     )]
     NoStep {
         /// Time, s.
@@ -72,7 +72,7 @@ pub enum Error {
 
     /// A particle is so fast that it would outrun its neighbours within the smallest allowed step.
     #[error(
-        "particle {i} is too fast at t = {t} s: within a step of {h} s (solver.min_step) it moves by more than \
+        "particle {i} is too fast at t = {t} s: within a step of {h:e} s (solver.min_step) it moves by more than \
          {travel} m (0.3 particles.radius), and a collision could be missed"
     )]
     TooFast {
@@ -88,8 +88,8 @@ pub enum Error {
 
     /// Steps at the minimum were accepted too often: the error estimate is rounding noise.
     #[error(
-        "solver.tolerance = {tolerance} is below round-off: {forced} of {accepted} steps up to t = {t} s were accepted \
-         at solver.min_step = {min_step} s with a larger error (step {h} s, limited by particle {i}); \
+        "solver.tolerance = {tolerance:e} is below round-off: {forced} of {accepted} steps up to t = {t} s were accepted \
+         at solver.min_step = {min_step:e} s with a larger error (step {h:e} s, limited by particle {i}); \
          a larger tolerance would do"
     )]
     BelowRoundOff {

@@ -279,7 +279,7 @@ pub fn doubts(scene: &Scene, outcome: &Outcome) -> Vec<String> {
     let mut doubts = Vec::new();
     if outcome.counts.forced > 0 {
         doubts.push(format!(
-            "warning: {} steps were accepted at solver.min_step = {} s with an error above solver.tolerance",
+            "warning: {} steps were accepted at solver.min_step = {:e} s with an error above solver.tolerance",
             outcome.counts.forced, scene.solver.min_step
         ));
     }
