@@ -1,0 +1,94 @@
+//! The paper's beds, run to their end (Tab. 4.2, Figs. 4.2 to 4.4): work, density and overlaps. Minutes of computing:
+//! launch/test-long.sh runs them, by the feature `long-tests`, and shows the figures that they print.
+
+mod common;
+
+use common::{Case, Run};
+use demhybrid::analysis::paper_volume_fraction;
+use demhybrid::container::walls;
+use std::ops::RangeInclusive;
+
+/// Steps that the published program took for one start of its own.
+struct Published {
+    accepted: u64,
+    attempted: u64,
+}
+
+const BASIC: Published = Published { accepted: 12_588, attempted: 14_704 };
+const FULL: Published = Published { accepted: 191_856, attempted: 232_195 };
+
+/// Another start is another packing, and takes other steps; the published program's own varied by less than this.
+const BAND: f64 = 0.20;
+
+/// Runs the scene to t = 8 s from the start of `seed`, checks work and overlaps, and returns the volume fraction.
+fn settle(scene: &str, seed: u64, published: &Published) -> f64 {
+    let case = Case::config(scene).set("particles.grid.seed", seed);
+    let run = case.run();
+    let (scene_read, _) = case.build();
+    let r = scene_read.particles.radius;
+    let fraction = paper_volume_fraction(&run.end().x, r);
+    let counts = run.outcome.counts;
+    let attempted = counts.accepted + counts.rejected + counts.outrun;
+    let depths = |frame: usize| {
+        let walls = walls(&scene_read.container);
+        let x = run.frames[frame].x.clone();
+        x.into_iter().flat_map(move |x| walls.clone().into_iter().map(move |wall| wall.depth(&x)))
+    };
+    let shallowest = |frame: usize| depths(frame).fold(f64::INFINITY, f64::min);
+    let beyond = (r - shallowest(run.frames.len() - 1)) / r;
+    let closest = (0..run.frames.len()).map(shallowest).fold(f64::INFINITY, f64::min);
+    println!(
+        "{scene} seed {seed}: volume fraction {fraction:.4}, {} steps accepted ({:+.1} %), {attempted} attempted \
+         ({:+.1} %), {} outrun, {} forced, {} right-hand sides, surfaces {beyond:.3} r beyond a wall at the end, \
+         centres {closest:.4} m or more inside, {:.1} s",
+        counts.accepted,
+        percent(counts.accepted, published.accepted),
+        percent(attempted, published.attempted),
+        counts.outrun,
+        counts.forced,
+        counts.rhs,
+        run.outcome.seconds,
+    );
+    check_frames(&run);
+    assert!(closest > 0.0, "a centre was {} m beyond a wall", -closest);
+    assert!(beyond <= 0.30, "a surface is {beyond} r beyond a wall");
+    for (found, published) in [(counts.accepted, published.accepted), (attempted, published.attempted)] {
+        assert!(percent(found, published).abs() <= 100.0 * BAND, "{found} steps instead of {published}");
+    }
+    fraction
+}
+
+/// How much more `found` is, in per cent of `published`.
+fn percent(found: u64, published: u64) -> f64 {
+    100.0 * (found as f64 / published as f64 - 1.0)
+}
+
+/// All particles are there in all frames up to t = 8 s.
+fn check_frames(run: &Run) {
+    assert_eq!(run.end().time, 8.0);
+    assert_eq!(run.frames.len(), 401);
+    assert!(run.frames.iter().all(|frame| frame.x.len() == 200));
+}
+
+#[track_caller]
+fn assert_within(what: &str, found: f64, band: &RangeInclusive<f64>) {
+    assert!(band.contains(&found), "{what}: {found} is not within {band:?}");
+}
+
+#[test]
+fn smooth_spheres_settle_to_the_dense_bed_of_the_paper() {
+    // Fig. 4.3: over 0.7, where a regular lattice has 0.74.
+    assert_within("volume fraction", settle("settle-basic.toml", 1, &BASIC), &(0.70..=0.725));
+}
+
+#[test]
+fn rubbing_and_rolling_spheres_settle_to_random_close_packing() {
+    let fractions = [1, 2, 3].map(|seed| settle("settle.toml", seed, &FULL));
+    // Fig. 4.3, phi = 0.2: random close packing has 0.64.
+    for fraction in fractions {
+        assert_within("volume fraction", fraction, &(0.63..=0.67));
+    }
+    let mean = fractions.iter().sum::<f64>() / 3.0;
+    println!("settle.toml: mean volume fraction {mean:.4}");
+    assert_within("mean volume fraction", mean, &(0.64..=0.66));
+}

@@ -1,0 +1,88 @@
+//! The output in h5py and in VTK's own HDF reader, by tests/read_frames.py.
+//!
+//! Both come with a Python environment that launch/test.sh makes: .venv in the package, named by DEMHYBRID_PYTHON.
+//! A plain `cargo test` on a machine without it passes this file, and says that nothing was read: the readers cannot
+//! be a condition for building the program, and launch/test.sh, which decides what lands, always has them.
+
+#[path = "common/mpirun.rs"]
+mod mpirun;
+
+use mpirun::{Job, PACKAGE, Results, kill};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tempfile::TempDir;
+
+/// The Python with h5py and vtk, if there is one. One that is named must work.
+fn python() -> Option<PathBuf> {
+    if let Some(named) = std::env::var_os("DEMHYBRID_PYTHON") {
+        return Some(named.into());
+    }
+    let local = Path::new(PACKAGE).join(".venv/bin/python");
+    if local.is_file() {
+        return Some(local);
+    }
+    // Not println: the test runner would hide it.
+    let _ = writeln!(
+        std::io::stderr(),
+        "tests/readers.rs: NOTHING WAS READ: DEMHYBRID_PYTHON is not set and there is no .venv; launch/test.sh makes it"
+    );
+    None
+}
+
+/// Reads `file` with `python`; it must find what `expected` says.
+#[track_caller]
+fn read(python: &Path, file: &Path, expected: &[&str]) -> String {
+    let script = Path::new(PACKAGE).join("tests/read_frames.py");
+    let read = Command::new(python).arg(script).arg(file).args(expected).output();
+    let read = read.unwrap_or_else(|why| panic!("{} does not start: {why}", python.display()));
+    let [out, err] = [read.stdout, read.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
+    assert!(read.status.success(), "{expected:?}\n{out}\n{err}");
+    assert!(out.contains("h5py and VTK agree"), "{out}");
+    out
+}
+
+/// quick.toml, a frame every 10 ms, in a folder of its own.
+fn quick(ranks: usize, more: &[&str]) -> (TempDir, Job) {
+    let folder = TempDir::new().unwrap();
+    let scene = format!("{PACKAGE}/configs/quick.toml");
+    let job = Job::on(ranks, folder.path(), &[&scene, "--set", "output.interval=0.01"]).and(more);
+    (folder, job)
+}
+
+#[test]
+fn a_run_with_rotation_on_two_ranks_opens_in_h5py_and_vtk() {
+    let Some(python) = python() else { return };
+    let (folder, job) = quick(2, &["--set", "t_end=0.3"]);
+    job.run().with_code(0);
+    let expected = ["--particles", "27", "--frames", "31", "--rotation", "yes"];
+    let said = read(&python, &folder.path().join("quick.vtkhdf"), &expected);
+    assert!(said.contains("last at 0.3 s") && said.contains(", completed"), "{said}");
+}
+
+#[test]
+fn a_basic_run_opens_in_h5py_and_vtk_without_spins() {
+    let Some(python) = python() else { return };
+    let (folder, job) = quick(2, &["--set", "t_end=0.3", "--set", "friction.coefficient=0"]);
+    job.run().with_code(0);
+    let expected = ["--particles", "27", "--frames", "31", "--rotation", "no"];
+    let said = read(&python, &folder.path().join("quick.vtkhdf"), &expected);
+    assert!(said.contains(", completed"), "{said}");
+}
+
+#[test]
+fn the_file_of_a_killed_run_opens_in_h5py_and_vtk_up_to_its_last_frame() {
+    let Some(python) = python() else { return };
+    let (folder, job) = quick(2, &["--set", "t_end=1000"]);
+    let mut job = job.start();
+    job.wait_for_frames(40);
+    [1, 0].into_iter().for_each(|rank| kill(job.process_of(rank)));
+    job.must_end_within(10);
+    assert_ne!(job.end().code, 0);
+    let file = folder.path().join("quick.vtkhdf");
+    let frames = Results::open(&file).frames();
+    assert!(frames >= 40, "{frames} frames");
+    let said =
+        read(&python, &file, &["--particles", "27", "--frames", &frames.to_string(), "--rotation", "yes"]);
+    assert!(said.contains("not completed"), "{said}");
+}
