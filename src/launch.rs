@@ -4,6 +4,7 @@
 use crate::domain::Comm;
 use crate::error::Error;
 use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 /// Variables by which launchers tell a process how many of it there are.
@@ -45,9 +46,13 @@ pub fn print(text: &str) {
 }
 
 /// Makes a panic one message that names the rank. Worker threads only print: MPI belongs to the main thread, which
-/// ends the job when the panic reaches it.
+/// ends the job when the panic reaches it. Several threads may panic at once; one message is enough.
 pub fn report_panics(rank: usize) {
+    let told = AtomicBool::new(false);
     std::panic::set_hook(Box::new(move |panic| {
+        if told.swap(true, Ordering::Relaxed) {
+            return;
+        }
         let place = panic.location().map(|at| format!(" at {}:{}", at.file(), at.line())).unwrap_or_default();
         let text = panic
             .payload()

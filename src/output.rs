@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 use crate::domain::comm::Comm;
 use crate::error::Error;
 use frames::Frames;
+pub use place::size;
 
 /// What the run says of itself once, as attributes of `/run`.
 #[derive(Debug, Clone, PartialEq)]

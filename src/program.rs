@@ -5,7 +5,7 @@ use crate::contact::{Law, Rebound, Tangential};
 use crate::domain::{Comm, rows};
 use crate::error::Error;
 use crate::launch;
-use crate::output::{Measures, Output, Rows, RunInfo};
+use crate::output::{self, Measures, Output, Rows, RunInfo};
 use crate::particle::{Motion, Spin};
 use crate::report::{self, Last, Progress};
 use crate::scene::Scene;
@@ -116,8 +116,8 @@ fn check_memory(scene: &Scene, count: u64) -> Result<(), Error> {
     if there > 0 && needed > there {
         return Err(Error::Input(format!(
             "{count} particles need about {}, and this machine has {}: fewer particles or more machines would do",
-            report::size(needed),
-            report::size(there)
+            output::size(needed),
+            output::size(there)
         )));
     }
     Ok(())

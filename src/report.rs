@@ -4,6 +4,7 @@ use crate::domain::{Comm, rows, slabs::Slabs};
 use crate::dynamics::SKIN;
 use crate::effects::Effects;
 use crate::launch;
+use crate::output::size;
 use crate::scene::Scene;
 use crate::simulation::{Counts, Frame, Outcome};
 use crate::start::Start;
@@ -59,15 +60,6 @@ pub fn output_bytes(scene: &Scene, count: u64) -> u64 {
 /// Frames of the scene, the one at t = 0 included.
 pub fn frames(scene: &Scene) -> u64 {
     scene.output.interval.map_or(101, |interval| (scene.t_end / interval - 1e-9).ceil() as u64 + 1)
-}
-
-/// Bytes in words.
-pub fn size(bytes: u64) -> String {
-    let units = [(1u64 << 30, "GiB"), (1 << 20, "MiB"), (1 << 10, "KiB")];
-    match units.iter().find(|(unit, _)| bytes >= *unit) {
-        Some((unit, name)) => format!("{:.1} {name}", bytes as f64 / *unit as f64),
-        None => format!("{bytes} bytes"),
-    }
 }
 
 /// What a run would do, for `--dry-run`. Collective; the text is the same on every rank.

@@ -312,9 +312,33 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             verdict = self.attempt(h);
         }
         if verdict.error == f64::INFINITY {
-            return Err(self.no_step(h));
+            self.split_aside(h)?;
         }
         Ok(displaced)
+    }
+
+    /// `step_aside` in parts, where a stage of the whole met something that is not finite, such as two centres that
+    /// pass through each other at that very moment. Collective.
+    fn split_aside(&mut self, h: f64) -> Result<(), Error> {
+        let start = self.y.clone();
+        let (t, mut finite) = (self.t, false);
+        for parts in (1..=10).map(|power| f64::from(1 << power)) {
+            let part = h / parts;
+            finite = (0..parts as u64).all(|_| {
+                self.stepper.forget();
+                let verdict = self.attempt(part);
+                std::mem::swap(&mut self.y, &mut self.next);
+                self.t += part;
+                verdict.covered && verdict.error < f64::INFINITY
+            });
+            self.next = std::mem::replace(&mut self.y, start.clone());
+            self.t = t;
+            if finite {
+                break;
+            }
+        }
+        self.stepper.forget();
+        if finite { Ok(()) } else { Err(self.no_step(h)) }
     }
 
     /// The step `h` (s) stands.
@@ -334,21 +358,28 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     /// A trial with step `h` (s) led nowhere: that is final if the state itself has no finite right-hand side or the
     /// step cannot be smaller. Collective.
     fn fail_if_impossible(&mut self, h: f64, verdict: Verdict) -> Result<(), Error> {
-        let slopes = self.stepper.first_slope();
-        let mut steepest = [slopes.iter().fold(0.0, |worst, slope| larger(worst, slope.max_abs()))];
-        self.comm.max(&mut steepest);
-        if steepest[0] == f64::INFINITY {
-            let y = std::mem::take(&mut self.y);
-            return Err(self.dynamics.explain(&y, self.t).unwrap_or_else(|| self.no_step(h)));
-        }
-        if h > self.rule.min_step {
+        let broken = self.broken_stage();
+        if broken != Some(0) && h > self.rule.min_step {
             return Ok(());
+        }
+        if let Some(s) = broken {
+            let state = self.stepper.stage(s, h, &self.y);
+            let t = self.t + self.stepper.tableau().c[s] * h;
+            return Err(self.dynamics.explain(&state, t).unwrap_or_else(|| self.no_step(h)));
         }
         if verdict.within_travel {
             return Err(self.no_step(h));
         }
         let i = self.dynamics.worst(|i| self.y[i].v.norm());
         Err(Error::TooFast { t: self.t, h, i, travel: self.dynamics.travel() })
+    }
+
+    /// The first stage of the last trial whose right-hand side is not finite, if any. Collective.
+    fn broken_stage(&self) -> Option<usize> {
+        let steepest = |s: usize| self.stepper.slope(s).iter().map(Linear::max_abs).fold(0.0, larger);
+        let mut steepest: Vec<f64> = (0..self.stepper.tableau().stages()).map(steepest).collect();
+        self.comm.max(&mut steepest);
+        steepest.iter().position(|&slope| slope == f64::INFINITY)
     }
 
     fn no_step(&self, h: f64) -> Error {

@@ -17,10 +17,12 @@ struct Published {
 const BASIC: Published = Published { accepted: 12_588, attempted: 14_704 };
 const FULL: Published = Published { accepted: 191_856, attempted: 232_195 };
 
-/// Another start is another packing, and takes other steps; the published program's own varied by less than this.
+/// How far the scene's own seed may be from it, as a share. Other starts take other steps: nine seeds of settle.toml
+/// took 166 000 to 241 000.
 const BAND: f64 = 0.20;
 
-/// Runs the scene to t = 8 s from the start of `seed`, checks work and overlaps, and returns the volume fraction.
+/// Runs the scene to t = 8 s from the start of `seed`, checks overlaps, and work where the seed is the scene's own, 1.
+/// Returns the volume fraction.
 fn settle(scene: &str, seed: u64, published: &Published) -> f64 {
     let case = Case::config(scene).set("particles.grid.seed", seed);
     let run = case.run();
@@ -52,8 +54,10 @@ fn settle(scene: &str, seed: u64, published: &Published) -> f64 {
     check_frames(&run);
     assert!(closest > 0.0, "a centre was {} m beyond a wall", -closest);
     assert!(beyond <= 0.30, "a surface is {beyond} r beyond a wall");
-    for (found, published) in [(counts.accepted, published.accepted), (attempted, published.attempted)] {
-        assert!(percent(found, published).abs() <= 100.0 * BAND, "{found} steps instead of {published}");
+    if seed == 1 {
+        for (found, published) in [(counts.accepted, published.accepted), (attempted, published.attempted)] {
+            assert!(percent(found, published).abs() <= 100.0 * BAND, "{found} steps instead of {published}");
+        }
     }
     fraction
 }

@@ -38,9 +38,14 @@ impl<S: Linear> Stepper<S> {
         self.tableau.stages() as u64 - u64::from(self.first_slope_known)
     }
 
-    /// f at the state of the last attempt; length of the owned particles.
-    pub fn first_slope(&self) -> &[S] {
-        &self.slopes[0]
+    /// f in stage `s` of the last attempt; length of the owned particles.
+    pub fn slope(&self, s: usize) -> &[S] {
+        &self.slopes[s]
+    }
+
+    /// The state in stage `s` of the last attempt, a step `h` (s) from `y`.
+    pub fn stage(&self, s: usize, h: f64, y: &[S]) -> Vec<S> {
+        (0..y.len()).map(|i| self.stage_of(s, h, y, i)).collect()
     }
 
     /// Error rate of particle `i` in the last attempt.
@@ -73,9 +78,7 @@ impl<S: Linear> Stepper<S> {
             let mut stage = std::mem::take(&mut self.stage);
             parallel::for_chunks(&mut stage, GRAIN, |first, chunk| {
                 for (k, stage) in chunk.iter_mut().enumerate() {
-                    let i = first + k;
-                    *stage = y[i];
-                    stage.add_scaled(1.0, &self.combine(table.a[s], h, i));
+                    *stage = self.stage_of(s, h, y, first + k);
                 }
             });
             ivp.rhs(t + table.c[s] * h, &stage, &mut self.slopes[s]);
@@ -93,6 +96,13 @@ impl<S: Linear> Stepper<S> {
         };
         let error = parallel::chunks(next, GRAIN, finish, 0.0, larger);
         ivp.agree(error, next)
+    }
+
+    #[inline(always)]
+    fn stage_of(&self, s: usize, h: f64, y: &[S], i: usize) -> S {
+        let mut stage = y[i];
+        stage.add_scaled(1.0, &self.combine(self.tableau.a[s], h, i));
+        stage
     }
 
     /// h times the weighted sum of the slopes of particle `i`.

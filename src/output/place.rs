@@ -46,7 +46,7 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
             }
             reclaimed = 512 * found.blocks(); // st_blocks counts in 512 bytes on any file system
         }
-        Err(why) if why.kind() == ErrorKind::NotFound => {
+        Err(why) if matches!(why.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             match fs::metadata(folder) {
                 Ok(found) if found.is_dir() => {}
                 Ok(_) => {
@@ -85,7 +85,7 @@ pub fn free_bytes(folder: &Path) -> Option<u64> {
 }
 
 /// Bytes as people read them: `1.4 GiB`.
-fn size(bytes: u64) -> String {
+pub fn size(bytes: u64) -> String {
     let units = [(40, "TiB"), (30, "GiB"), (20, "MiB"), (10, "KiB")];
     match units.iter().find(|(power, _)| bytes >> power > 0) {
         Some((power, unit)) => format!("{:.1} {unit}", bytes as f64 / (1_u64 << power) as f64),
