@@ -230,7 +230,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
                 let due = self.frame_time(frame);
                 let result = std::mem::take(&mut self.next);
                 if due < reached || displaced {
-                    displaced |= self.step_aside(if due < reached { due - self.t } else { h })?;
+                    let share = if due < reached { (due - self.t) / h } else { 1.0 };
+                    displaced |= self.step_aside(share, h, &result)?;
                     let state = std::mem::take(&mut self.next);
                     show(&mut self, due, &state)?;
                 } else {
@@ -301,44 +302,36 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         self.stepper.attempt(&mut self.dynamics, self.t, h, &self.y, &mut self.next)
     }
 
-    /// Takes a step `h` (s) of its own from the last accepted state to a frame; its result is in `next`.
-    /// Returns whether particles had to be sorted anew. Collective.
-    fn step_aside(&mut self, h: f64) -> Result<bool, Error> {
+    /// Takes a step of its own, a `share` of the accepted step `h` (s) with the given `result`, from the last accepted
+    /// state to a frame; its result is in `next`. Returns whether particles had to be sorted anew. Collective.
+    fn step_aside(&mut self, share: f64, h: f64, result: &[Motion<W>]) -> Result<bool, Error> {
         let mut displaced = false;
-        let mut verdict = self.attempt(h);
+        let mut verdict = self.attempt(share * h);
         if !verdict.covered && !self.dynamics.lists_are_fresh() {
             self.rebuild()?;
             displaced = true;
-            verdict = self.attempt(h);
+            verdict = self.attempt(share * h);
         }
-        if verdict.error == f64::INFINITY {
-            self.split_aside(h)?;
+        if verdict.error < f64::INFINITY {
+            return Ok(displaced);
         }
-        Ok(displaced)
-    }
-
-    /// `step_aside` in parts, where a stage of the whole met something that is not finite, such as two centres that
-    /// pass through each other at that very moment. Collective.
-    fn split_aside(&mut self, h: f64) -> Result<(), Error> {
-        let start = self.y.clone();
-        let (t, mut finite) = (self.t, false);
-        for parts in (1..=10).map(|power| f64::from(1 << power)) {
-            let part = h / parts;
-            finite = (0..parts as u64).all(|_| {
-                self.stepper.forget();
-                let verdict = self.attempt(part);
-                std::mem::swap(&mut self.y, &mut self.next);
-                self.t += part;
-                verdict.covered && verdict.error < f64::INFINITY
-            });
-            self.next = std::mem::replace(&mut self.y, start.clone());
-            self.t = t;
-            if finite {
-                break;
-            }
+        if displaced {
+            return Err(self.no_step(share * h));
         }
-        self.stepper.forget();
-        if finite { Ok(()) } else { Err(self.no_step(h)) }
+        // The frame's stages meet something that those of the step did not, such as two centres that pass through each
+        // other at this very moment: the parabola through the start, its slope and the result of the step is finite.
+        let (y, slopes) = (&self.y, self.stepper.slope(0));
+        self.next.clear();
+        self.next.extend(y.iter().zip(slopes).zip(result).map(|((y, slope), result)| {
+            let mut bend = *result;
+            bend.add_scaled(-1.0, y);
+            bend.add_scaled(-h, slope);
+            let mut state = *y;
+            state.add_scaled(share * h, slope);
+            state.add_scaled(share * share, &bend);
+            state
+        }));
+        Ok(false)
     }
 
     /// The step `h` (s) stands.

@@ -264,3 +264,25 @@ fn a_sphere_that_leaves_through_an_open_side_flies_on() {
     }
     assert!(run.end().x[1].x < -100.0);
 }
+
+#[test]
+fn a_frame_at_the_moment_when_centres_pass_through_each_other_does_not_end_the_run() {
+    // Forces too weak to matter: two spheres 0.5 m apart that close at 8 m/s share one centre at 1/16 s, where the steps
+    // of 1/256 s, limited by travel, have no stage but the frame has one.
+    let run = |interval: f64| {
+        let step = 1.0 / 256.0;
+        Case::tight()
+            .sphere(Vec3::z() * 0.75, Vec3::z() * 4.0)
+            .sphere(Vec3::z() * 1.25, Vec3::z() * -4.0)
+            .set("contact.repulsion_at_contact", 1e-300)
+            .set("solver.max_step", step)
+            .set("solver.initial_step", step)
+            .set("output.interval", interval)
+            .set("t_end", 0.1)
+            .run()
+    };
+    let (at_the_moment, beside) = (run(0.0625), run(0.01));
+    assert_eq!(at_the_moment.frames[1].time, 0.0625);
+    assert!((at_the_moment.frames[1].x[0].z - 1.0).abs() < 1e-12);
+    assert_eq!(at_the_moment.end().x, beside.end().x);
+}
