@@ -142,7 +142,7 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
         self.f_0 * exp(-self.kappa * gap)
     }
 
-    /// Energy stored in a contact at rest at `gap` (m), in J: the integral of rho[0] F up to `l_max`.
+    /// Energy stored in a contact at rest at `gap` (m), in J: the integral of rho(0) F up to `l_max`.
     /// With this share H of docs/design.md never grows, whatever the speeds.
     pub fn stored_energy(&self, gap: f64) -> f64 {
         if gap <= self.l_max {

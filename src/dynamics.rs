@@ -274,7 +274,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         exact::exact_sum(self.comm, y.iter().map(energy))
     }
 
-    /// Potential energy (J) of all contacts and heights at `y`: rho[0] times the stored energy, so that H of
+    /// Potential energy (J) of all contacts and heights at `y`: rho(0) times the stored energy, so that H of
     /// docs/design.md never grows; and the largest overlap (m). Collective.
     pub fn potential_energy(&mut self, y: &[Motion<W>]) -> (f64, f64) {
         self.place(y);

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::Error;
 pub(crate) use check::cells_along;
 use source::Source;
+pub(crate) use source::brief;
 
 /// A checked scene, every default filled in. SI units throughout.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -222,8 +222,8 @@ fn char_boundary(text: &str, byte: usize) -> usize {
 }
 
 /// On one line, without control characters, and not too long.
-fn brief(text: &str) -> String {
-    const LONGEST: usize = 80;
+pub(crate) fn brief(text: &str) -> String {
+    const LONGEST: usize = 60;
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let mut printable = words.chars().filter(|c| !c.is_control());
     let mut short: String = printable.by_ref().take(LONGEST).collect();

@@ -6,7 +6,7 @@ use csv::StringRecord;
 
 use super::{NO_ROTATION, Start};
 use crate::error::Error;
-use crate::scene::Scene;
+use crate::scene::{Scene, brief};
 
 /// Rows that one run may read.
 const MOST_ROWS: usize = 1_000_000_000;
@@ -132,7 +132,7 @@ impl Table<'_> {
             absent[0].1,
             triple.names.join(","),
             triple.meaning,
-            shortened(&header.join(","))
+            brief(&header.join(","))
         );
         Err(Error::Input(format!("{}:{line}: {message}", self.name)))
     }
@@ -150,7 +150,7 @@ impl Table<'_> {
         };
         let message = format!(
             "columns x, y and z are missing: they are the centre in m; the first line is {}{hint}",
-            shortened(&first)
+            brief(&first)
         );
         Error::Input(format!("{}:{line}: {message}", self.name))
     }
@@ -175,7 +175,7 @@ impl Table<'_> {
             };
             let message = format!(
                 "{name} = \"{}\" {problem}: column {name} needs a finite number, a part of {}",
-                shortened(field),
+                brief(field),
                 triple.meaning
             );
             return Err(self.wrong(row, &message));
@@ -207,17 +207,6 @@ impl Table<'_> {
         let blank = bytes[start..].iter().take_while(|&&byte| byte == b'\n' || byte == b'\r').count();
         1 + bytes[..start + blank].iter().filter(|&&byte| byte == b'\n').count()
     }
-}
-
-/// Long text cut, without line breaks.
-fn shortened(text: &str) -> String {
-    const LONGEST: usize = 60;
-    let mut printable = text.chars().map(|c| if c.is_control() { ' ' } else { c });
-    let mut short: String = printable.by_ref().take(LONGEST).collect();
-    if printable.next().is_some() {
-        short.push_str("...");
-    }
-    short
 }
 
 #[cfg(test)]
