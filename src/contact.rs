@@ -92,7 +92,7 @@ impl Coulomb {
         Coulomb { phi, v_min }
     }
 
-    /// Sigma[s]/s of eq. (2.8) in s/m: with this form friction needs no direction t/|t| and is finite at s = 0.
+    /// Sigma(s)/s of eq. (2.8) in s/m: with this form friction needs no direction t/|t| and is finite at s = 0.
     /// (v_0 of eq. (2.8) is v_min.)
     #[inline(always)]
     pub fn limiter_over_slip(&self, s: f64) -> f64 {
