@@ -3,6 +3,7 @@
 #![allow(dead_code)] // every test file uses a part
 
 use hdf5::types::VarLenUnicode;
+use rustix::process::{Pid, Signal, kill_process};
 use std::fs::{self, File};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
@@ -296,7 +297,9 @@ pub fn progress_lines(stderr: &str) -> usize {
 
 /// Ends a process at once; it may have ended by itself.
 pub fn kill(pid: u32) {
-    let _ = Command::new("kill").args(["-KILL", &pid.to_string()]).stderr(Stdio::null()).status();
+    if let Some(pid) = Pid::from_raw(pid as i32) {
+        let _ = kill_process(pid, Signal::KILL);
+    }
 }
 
 fn children(parent: u32) -> Vec<u32> {
