@@ -96,7 +96,8 @@ impl Coulomb {
     /// (v_0 of eq. (2.8) is v_min.)
     #[inline(always)]
     pub fn limiter_over_slip(&self, s: f64) -> f64 {
-        if s < self.v_min { (3.0 - 2.0 * s / self.v_min) * s / (self.v_min * self.v_min) } else { 1.0 / s }
+        let q = s / self.v_min;
+        if q < 1.0 { (3.0 - 2.0 * q) * q / self.v_min } else { 1.0 / s }
     }
 }
 
@@ -171,7 +172,7 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
     }
 }
 
-/// e^x within 1.5 ulp, without a branch, a table or a library call, from additions and multiplications alone: the
+/// e^x within 2 ulp, without a branch, a table or a library call, from additions and multiplications alone: the
 /// same bits on every machine, and ready for vector units. Below -708 it is 0, above 709 +infinity.
 #[inline(always)]
 pub fn exp(x: f64) -> f64 {
@@ -268,6 +269,7 @@ mod tests {
         let slope = (sigma(0.01) - sigma(0.01 - 1e-6)) / 1e-6;
         assert!(slope.abs() < 0.05, "{slope}: its largest value inside is 150");
         assert_eq!(sigma(3.0), 1.0);
+        assert_eq!(Coulomb::new(0.2, 1e-200).limiter_over_slip(0.0), 0.0);
     }
 
     #[test]

@@ -55,7 +55,7 @@ pub struct Dynamics<'c, R, T, W> {
     origin: Vec<Vec3>,
     /// Where the owned particles were when the trial step began, m.
     start: Vec<Vec3>,
-    /// Largest squared distance of any stage from `origin` and from `start`, m^2.
+    /// Largest squared distance of any stage so far from `origin` and from `start`, m^2.
     moved: [f64; 2],
     /// Of the accepted state.
     extremes: Extremes,
@@ -326,7 +326,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         let clock = Instant::now();
         let square = |(body, origin): (&Motion<W>, &Vec3)| (body.x - origin).norm_squared();
         let drift = next.iter().zip(&self.origin).map(square).fold(0.0, larger);
-        let mut shared = [error, self.moved[0], self.moved[1], fastest(next), drift.sqrt()];
+        let way = next.iter().zip(&self.start).map(square).fold(0.0, larger);
+        let moved = [larger(self.moved[0], drift), larger(self.moved[1], way)];
+        let mut shared = [error, moved[0], moved[1], fastest(next), drift.sqrt()];
         self.comm.max(&mut shared);
         let [error, from_origin, from_start, speed, drift] = shared;
         self.candidate = Extremes { speed, drift };

@@ -25,8 +25,8 @@ pub enum Error {
 
     /// The force between two particles is beyond the range of a double.
     #[error(
-        "the force between particles {i} and {j} is not finite at t = {t} s: their overlap is {overlap} m and \
-         exp(contact.stiffness_exponent * overlap) overflows beyond 709"
+        "the force between particles {i} and {j} is not finite at t = {t} s: their overlap is {overlap} m, and the \
+         repulsion grows as exp(contact.stiffness_exponent * overlap), which overflows beyond exp(709)"
     )]
     PairForce {
         /// Lower particle id.
@@ -41,8 +41,8 @@ pub enum Error {
 
     /// The force between a particle and a wall is beyond the range of a double.
     #[error(
-        "the force of wall {wall} on particle {i} is not finite at t = {t} s: its overlap is {overlap} m and \
-         exp(contact.stiffness_exponent * overlap) overflows beyond 709"
+        "the force of wall {wall} on particle {i} is not finite at t = {t} s: its overlap is {overlap} m, and the \
+         repulsion grows as exp(contact.stiffness_exponent * overlap), which overflows beyond exp(709)"
     )]
     WallForce {
         /// Particle id.
@@ -51,6 +51,17 @@ pub enum Error {
         wall: usize,
         /// Overlap, m.
         overlap: f64,
+        /// Time, s.
+        t: f64,
+    },
+
+    /// The right-hand side is beyond the range of a double although every contact force is finite.
+    #[error(
+        "the acceleration of particle {i} is not finite at t = {t} s: gravity, forces or 1/mass are too large"
+    )]
+    Acceleration {
+        /// Particle id.
+        i: u64,
         /// Time, s.
         t: f64,
     },
@@ -70,10 +81,10 @@ pub enum Error {
         i: u64,
     },
 
-    /// A particle is so fast that it would outrun its neighbours within the smallest allowed step.
+    /// A particle would outrun its neighbours within the smallest allowed step.
     #[error(
-        "particle {i} is too fast at t = {t} s: within a step of {h:e} s (solver.min_step) it moves by more than \
-         {travel} m (0.3 particles.radius), and a collision could be missed"
+        "particle {i} moves too far at t = {t} s: within a step of {h:e} s (solver.min_step) by more than {travel} m \
+         (0.3 particles.radius), and a collision could be missed"
     )]
     TooFast {
         /// Time, s.
@@ -109,6 +120,13 @@ pub enum Error {
         i: u64,
     },
 
+    /// Another rank failed, and has said why.
+    #[error("another rank failed")]
+    Elsewhere {
+        /// Exit code of the failure.
+        code: i32,
+    },
+
     /// A frame could not be written after the run had started.
     #[error("cannot write to {file}: {why}")]
     Output {
@@ -138,9 +156,11 @@ impl Error {
             Error::Coincident { .. }
             | Error::PairForce { .. }
             | Error::WallForce { .. }
+            | Error::Acceleration { .. }
             | Error::NoStep { .. }
             | Error::TooFast { .. }
             | Error::BelowRoundOff { .. } => 3,
+            Error::Elsewhere { code } => *code,
             Error::Output { .. } => 4,
             Error::Migration { .. } => 70,
         }

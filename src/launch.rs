@@ -64,15 +64,21 @@ pub fn report_panics(rank: usize) {
     }));
 }
 
-/// Starts the threads of this rank: `--threads`, else RAYON_NUM_THREADS, else the cores of the machine divided by the
-/// ranks on it. The calling thread is one of them, so that loops start without a hand-over. Returns their number and
-/// a warning where the rank is bound to fewer cores than there are. Collective.
+/// Starts the threads of this rank: `--threads`, else RAYON_NUM_THREADS, else the cores that the ranks of this machine
+/// may use divided by their number. The calling thread is one of them, so that loops start without a hand-over. Returns
+/// their number and a warning where the rank is bound to a single core while others idle. Collective.
 pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<(usize, Option<String>), Error> {
-    let usable = thread::available_parallelism().map_or(1, usize::from);
+    let own = usable_cores();
+    let mut all: Vec<f64> = own.iter().map(|&usable| f64::from(u8::from(usable))).collect();
+    comm.max(&mut all);
+    let count = |usable: usize| usable.max(1);
+    let (own, all) =
+        (count(own.iter().filter(|&&usable| usable).count()), count(all.iter().sum::<f64>() as usize));
     let ranks = comm.ranks_on_node();
-    let launched = number(&WORLD_SIZE).is_some();
-    let bound = launched && (usable < ranks.min(online_cores()) || (usable == 1 && online_cores() > ranks));
-    let share = if bound { usable } else { (usable / ranks).max(1) };
+    // A container may allow fewer cores at a time than it shows.
+    let allowed = thread::available_parallelism().map_or(own, usize::from);
+    let quota = if allowed < own { allowed } else { all };
+    let share = (quota.min(all) / ranks).clamp(1, own);
     let environment = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse().ok()).filter(|&n| n > 0);
     let threads = wanted.or(environment).unwrap_or(share);
     rayon::ThreadPoolBuilder::new()
@@ -80,14 +86,21 @@ pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<(usize, O
         .use_current_thread()
         .build_global()
         .map_err(|why| Error::Input(format!("--threads {threads}: the threads cannot be started: {why}")))?;
-    let warning = (bound && (threads > usable || online_cores() > ranks)).then(|| {
+    let bound = number(&WORLD_SIZE).is_some() && own == 1 && online_cores() > ranks;
+    let warning = bound.then(|| {
         format!(
-            "warning: this rank may use {usable} of {} cores: mpirun binds each rank to one core unless told \
-             otherwise (OMPI_MCA_hwloc_base_binding_policy=none, or source launch/env.sh)",
+            "warning: this rank may use 1 of {} cores: mpirun binds each rank to one core unless told otherwise \
+             (OMPI_MCA_hwloc_base_binding_policy=none, or source launch/env.sh)",
             online_cores()
         )
     });
     Ok((threads, warning))
+}
+
+/// Which cores this process may run on.
+fn usable_cores() -> Vec<bool> {
+    let set = rustix::thread::sched_getaffinity(None).unwrap_or_default();
+    (0..rustix::thread::CpuSet::MAX_CPU).map(|core| set.is_set(core)).collect()
 }
 
 /// Cores of this machine, whatever this process is bound to.

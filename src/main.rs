@@ -45,9 +45,9 @@ fn main() {
     std::process::exit(code)
 }
 
-/// Reports an error. All but output errors are known to all ranks: rank 0 speaks and all leave together. An output
-/// error may be one rank's alone, and after it no collective call may follow: it ends the job, and rank 0 speaks
-/// first if it knows.
+/// Reports an error. All but output errors are known to all ranks: rank 0 speaks, unless another rank has spoken, and
+/// all leave together. An output error may be one rank's alone, and after it no collective call may follow: it ends the
+/// job, and rank 0 speaks first if it knows.
 fn end(world: &World, error: &Error) -> i32 {
     let message = format!("demhybrid: error: {error}");
     if let Error::Output { .. } = error {
@@ -57,7 +57,7 @@ fn end(world: &World, error: &Error) -> i32 {
         launch::say(&message);
         world.abort(error.exit_code())
     }
-    if world.rank() == 0 {
+    if world.rank() == 0 && !matches!(error, Error::Elsewhere { .. }) {
         launch::say(&message);
     }
     error.exit_code()

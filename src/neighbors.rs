@@ -86,7 +86,6 @@ pub struct Entry(u32);
 
 impl Entry {
     fn new(pair: usize, higher: bool) -> Self {
-        debug_assert!(pair < 1 << 31);
         Entry((pair as u32) << 1 | u32::from(higher))
     }
     /// Index into `Lists::pairs`.
@@ -159,6 +158,7 @@ impl Lists {
                 pair.swap(0, 1);
             }
         }
+        assert!(self.pairs.len() < 1 << 31, "a rank lists fewer than 2^31 pairs: more ranks share the work");
         self.list_entries(ids, owned);
         self.list_walls(x, owned, walls, wall_reach);
     }

@@ -18,10 +18,10 @@ use std::time::Instant;
 /// Runs the command line `args` on all ranks of `comm` and returns when it is done. Collective.
 pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     launch::check_launcher(comm.size())?;
-    let (threads, bound) = launch::start_threads(comm, args.threads)?;
+    let (threads, bound) = agree(comm, launch::start_threads(comm, args.threads))?;
     let (scene, start) = load(args, comm)?;
-    check_memory(&scene, start.x.len() as u64)?;
     let file = scene.output.file.clone().unwrap_or_default();
+    share(comm, || spare_the_input(args, &scene, &file))?;
     let room = report::output_bytes(&scene, start.x.len() as u64);
     let place = Output::check_place(comm, &file, args.force, room);
     let cut = report::cut_force_warning(&scene);
@@ -31,7 +31,7 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     if args.dry_run {
         let output = match &place {
             Ok(_) => file.display().to_string(),
-            Err(why) => format!("{} will be refused: {why}", file.display()),
+            Err(why) => format!("would be refused: {why}"),
         };
         let plan = report::plan(comm, &args.scene, &scene, &start, threads, &output);
         if comm.rank() == 0 {
@@ -64,7 +64,10 @@ fn load(args: &Args, comm: &dyn Comm) -> Result<(Scene, Start), Error> {
     let seed = share(comm, || Ok((rand::random::<u64>() >> 1).to_string()))?;
     scene.set_seed_if_missing(seed.parse().expect("it was printed as a number"));
     let start = match &scene.particles.grid {
-        Some(grid) => start::grid(&scene, grid),
+        Some(grid) => {
+            agree(comm, check_memory(comm, &scene, grid.count))?;
+            start::grid(&scene, grid)
+        }
         None => {
             let folder = args.scene.parent().map(Path::to_path_buf).unwrap_or_default();
             let mut read = Ok(Start::default());
@@ -72,7 +75,9 @@ fn load(args: &Args, comm: &dyn Comm) -> Result<(Scene, Start), Error> {
                 read = start::read_csv(&scene, &folder);
                 read.as_ref().map(|_| String::new()).map_err(Clone::clone)
             })?;
-            share_start(comm, read?)
+            let start = share_start(comm, read?);
+            agree(comm, check_memory(comm, &scene, start.x.len() as u64))?;
+            start
         }
     };
     start::check(&scene, &start)?;
@@ -109,13 +114,53 @@ fn share_start(comm: &dyn Comm, own: Start) -> Start {
     Start { x: both(own.x), v: both(own.v), omega: both(own.omega) }
 }
 
-/// Refuses a scene that this machine cannot hold.
-fn check_memory(scene: &Scene, count: u64) -> Result<(), Error> {
-    let (needed, there) =
-        (count.saturating_mul(report::bytes_per_particle(scene)), launch::physical_memory());
+/// Makes the failure of one rank everybody's: the lowest rank that failed says why, all leave together. Collective.
+fn agree<T>(comm: &dyn Comm, own: Result<T, Error>) -> Result<T, Error> {
+    let rank = comm.rank() as f64;
+    let mut first = [if own.is_err() { -rank } else { f64::NEG_INFINITY }];
+    comm.max(&mut first);
+    match own {
+        own if first[0] == f64::NEG_INFINITY => own,
+        Err(why) if first[0] == -rank => {
+            if comm.rank() == 0 {
+                return Err(why);
+            }
+            launch::say(&format!("demhybrid: error on rank {rank}: {why}"));
+            Err(Error::Elsewhere { code: why.exit_code() })
+        }
+        // Every failure here is one of input.
+        _ => Err(Error::Elsewhere { code: 2 }),
+    }
+}
+
+/// Refuses an output that would overwrite what the run is made from.
+fn spare_the_input(args: &Args, scene: &Scene, output: &Path) -> Result<String, Error> {
+    let folder = args.scene.parent().unwrap_or(Path::new(""));
+    let particles = scene.particles.file.as_ref().map(|file| folder.join(file));
+    let same =
+        |input: &Path| matches!((input.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    for (input, what) in [(Some(args.scene.clone()), "the scene"), (particles, "particles.file")] {
+        if input.is_some_and(|input| same(&input)) {
+            let file = output.display();
+            return Err(Error::Input(format!(
+                "output.file = \"{file}\" is {what} itself; choose another name"
+            )));
+        }
+    }
+    Ok(String::new())
+}
+
+/// Refuses a scene of `count` particles that this machine cannot hold. Collective.
+fn check_memory(comm: &dyn Comm, scene: &Scene, count: u64) -> Result<(), Error> {
+    // Every rank holds the start of all particles and the solver's part of its own.
+    let here = comm.ranks_on_node() as u64;
+    let own = count.div_ceil(comm.size() as u64).saturating_mul(report::bytes_per_particle(scene));
+    let needed = count.saturating_mul(report::START_BYTES).saturating_add(own).saturating_mul(here);
+    let there = launch::physical_memory();
     if there > 0 && needed > there {
         return Err(Error::Input(format!(
-            "{count} particles need about {}, and this machine has {}: fewer particles or more machines would do",
+            "{count} particles need about {} on each machine, and this one has {}: fewer particles or more machines \
+             would do",
             output::size(needed),
             output::size(there)
         )));
@@ -229,5 +274,26 @@ impl<W: Spin> Observer<W> for Recorder<'_> {
         self.last.bed_height = frame.bed_height;
         self.progress.frame(frame);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::comm::team::team;
+
+    #[test]
+    fn a_failure_that_only_one_rank_meets_ends_all() {
+        for failing in 0..3 {
+            team(3, |comm| {
+                let mistake = Error::Input("too little of something".into());
+                let own = if comm.rank() == failing { Err(mistake.clone()) } else { Ok(comm.rank()) };
+                let agreed = agree(comm, own);
+                // Rank 0 tells its own at the end, as it does with what all ranks know.
+                let tells_later = failing == 0 && comm.rank() == 0;
+                assert_eq!(agreed, Err(if tells_later { mistake } else { Error::Elsewhere { code: 2 } }));
+            });
+        }
+        team(3, |comm| assert_eq!(agree(comm, Ok(comm.rank())), Ok(comm.rank())));
     }
 }

@@ -42,6 +42,9 @@ pub fn cut_force_warning(scene: &Scene) -> Option<String> {
     })
 }
 
+/// Memory of the start of one particle, which every rank holds for all, bytes.
+pub const START_BYTES: u64 = 72;
+
 /// Memory of the solver for one particle, bytes, about: states, slopes, lists and pair forces in a packed bed.
 pub fn bytes_per_particle(scene: &Scene) -> u64 {
     let components = if scene.rotates() { 9.0 } else { 6.0 };
@@ -104,8 +107,15 @@ pub fn plan(
     let solver = &scene.solver;
     line("solver", format!("{}, tolerance {}, norm {}", solver.method, solver.tolerance, solver.norm));
     let per_particle = bytes_per_particle(scene);
-    line("memory", format!("about {} ({per_particle} bytes a particle)", size(count * per_particle)));
-    line("output", format!("{output}, about {}", size(output_bytes(scene, count))));
+    let start = START_BYTES * count * comm.size() as u64;
+    line(
+        "memory",
+        format!(
+            "about {} ({per_particle} bytes a particle and the start)",
+            size(count * per_particle + start)
+        ),
+    );
+    line("output", format!("about {}, {output}", size(output_bytes(scene, count))));
     line("ranks", format!("{} with {threads} threads each; ghosts within {reach:.4} m", comm.size()));
     for (rank, n) in owned.iter().enumerate() {
         let (low, high) = slabs.of(rank);
@@ -157,7 +167,7 @@ impl Progress {
         };
         if let Some(bar) = &self.bar {
             bar.set_position((1000.0 * frame.time / self.t_end) as u64);
-            bar.set_message(text);
+            bar.set_message(if self.verbose { text + &more() } else { text });
         } else if self.lines {
             launch::say(&(text + &if self.verbose { more() } else { String::new() }));
         }
@@ -222,7 +232,7 @@ pub fn summary(
     line(
         "largest overlap",
         format!(
-            "{:.3e} m ({:.1} % of the radius)",
+            "{:.3e} m ({:.1} % of the radius) at a frame",
             outcome.largest_overlap,
             100.0 * outcome.largest_overlap / r
         ),

@@ -168,29 +168,36 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             Motion { x: start.x[i].into(), v: start.v[i].into(), omega }
         };
         let mut y: Vec<Motion<W>> = own.clone().map(body).collect();
-        let dynamics = Dynamics::new(comm, law, setting, own.collect(), &mut y)?;
+        let mut dynamics = Dynamics::new(comm, law, setting, own.collect(), &mut y)?;
+        let mut stepper = Stepper::new(&MERSON);
+        stepper.start(&mut dynamics, 0.0, &y);
         let rule = StepRule {
             tolerance: scene.solver.tolerance,
             exponent: MERSON.exponent,
             min_step: scene.solver.min_step,
             max_step: scene.solver.max_step,
         };
-        Ok(Simulation {
+        let mut simulation = Simulation {
             comm,
             dynamics,
-            stepper: Stepper::new(&MERSON),
+            stepper,
             t: 0.0,
             y,
             next: Vec::new(),
             h: rule.clamp(scene.solver.initial_step),
             rule,
             last: 0.0,
-            counts: Counts::default(),
+            counts: Counts { rhs: 1, ..Counts::default() },
             forced_in_a_row: 0,
             t_end: scene.t_end,
             interval: scene.output.interval.unwrap_or(scene.t_end / 100.0),
             started: Instant::now(),
-        })
+        };
+        // A start that cannot be continued is told before any output is created.
+        match simulation.broken_stage() {
+            Some(_) => Err(simulation.unbearable(0, 0.0)),
+            None => Ok(simulation),
+        }
     }
 
     /// The equations of motion.
@@ -221,35 +228,42 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         let first = self.y.clone();
         show(&mut self, 0.0, &first)?;
         let mut frame = 1;
-        loop {
-            let h = self.find_step()?;
+        'steps: loop {
+            let (h, forced) = self.find_step()?;
             let reached = self.t + h;
             let extremes = self.dynamics.candidate();
-            let mut displaced = false;
-            while self.frame_time(frame) <= reached {
+            while self.frame_time(frame) < reached {
                 let due = self.frame_time(frame);
                 let result = std::mem::take(&mut self.next);
-                if due < reached || displaced {
-                    let share = if due < reached { (due - self.t) / h } else { 1.0 };
-                    displaced |= self.step_aside(share, h, &result)?;
-                    let state = std::mem::take(&mut self.next);
-                    show(&mut self, due, &state)?;
-                } else {
-                    show(&mut self, due, &result)?;
+                let share = (due - self.t) / h;
+                if !self.step_aside(share, h, &result) {
+                    // Rare: the same step again, with fresh lists.
+                    self.rebuild()?;
+                    self.h = h;
+                    continue 'steps;
                 }
-                self.next = result;
+                if due >= self.t_end {
+                    self.count(share * h, forced)?;
+                }
+                let state = std::mem::replace(&mut self.next, result);
+                show(&mut self, due, &state)?;
                 if due >= self.t_end {
                     return Ok(self.outcome(output_seconds, largest_overlap));
                 }
                 frame += 1;
             }
-            if displaced {
-                // Particles were sorted anew under the result of the step: it is taken again, with the same bits.
-                self.h = h;
-                continue;
-            }
+            self.count(h, forced)?;
             self.accept(h);
             self.dynamics.commit(extremes);
+            if self.frame_time(frame) <= self.t {
+                let state = std::mem::take(&mut self.y);
+                show(&mut self, reached, &state)?;
+                self.y = state;
+                if reached >= self.t_end {
+                    return Ok(self.outcome(output_seconds, largest_overlap));
+                }
+                frame += 1;
+            }
         }
     }
 
@@ -259,8 +273,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         if t < self.t_end - 1e-9 * self.interval { t } else { self.t_end }
     }
 
-    /// Tries steps from the last accepted state until one can stand; its result is in `next`. Collective.
-    fn find_step(&mut self) -> Result<f64, Error> {
+    /// Tries steps from the last accepted state until one can stand; its result is in `next`. Returns its size (s) and
+    /// whether it stands only because it could not be smaller. Collective.
+    fn find_step(&mut self) -> Result<(f64, bool), Error> {
         loop {
             if self.dynamics.will_outrun(self.h.min(self.dynamics.step_limit())) {
                 self.rebuild()?;
@@ -286,8 +301,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
                 if self.t + h == self.t {
                     return Err(self.no_step(h));
                 }
-                self.watch_forced(h, decision.forced)?;
-                return Ok(h);
+                return Ok((h, decision.forced));
             }
             self.counts.rejected += 1;
             if verdict.error == f64::INFINITY {
@@ -303,20 +317,15 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     }
 
     /// Takes a step of its own, a `share` of the accepted step `h` (s) with the given `result`, from the last accepted
-    /// state to a frame; its result is in `next`. Returns whether particles had to be sorted anew. Collective.
-    fn step_aside(&mut self, share: f64, h: f64, result: &[Motion<W>]) -> Result<bool, Error> {
-        let mut displaced = false;
-        let mut verdict = self.attempt(share * h);
+    /// state to a frame; its result is in `next`. Returns false, and nothing else, if the lists are too old for it.
+    /// Collective.
+    fn step_aside(&mut self, share: f64, h: f64, result: &[Motion<W>]) -> bool {
+        let verdict = self.attempt(share * h);
         if !verdict.covered && !self.dynamics.lists_are_fresh() {
-            self.rebuild()?;
-            displaced = true;
-            verdict = self.attempt(share * h);
+            return false;
         }
-        if verdict.error < f64::INFINITY {
-            return Ok(displaced);
-        }
-        if displaced {
-            return Err(self.no_step(share * h));
+        if verdict.covered && verdict.error < f64::INFINITY {
+            return true;
         }
         // The frame's stages meet something that those of the step did not, such as two centres that pass through each
         // other at this very moment: the parabola through the start, its slope and the result of the step is finite.
@@ -331,15 +340,13 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             state.add_scaled(share * share, &bend);
             state
         }));
-        Ok(false)
+        true
     }
 
     /// The step `h` (s) stands.
     fn accept(&mut self, h: f64) {
         std::mem::swap(&mut self.y, &mut self.next);
         self.t += h;
-        self.last = h;
-        self.counts.accepted += 1;
         self.stepper.forget();
     }
 
@@ -356,15 +363,24 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             return Ok(());
         }
         if let Some(s) = broken {
-            let state = self.stepper.stage(s, h, &self.y);
-            let t = self.t + self.stepper.tableau().c[s] * h;
-            return Err(self.dynamics.explain(&state, t).unwrap_or_else(|| self.no_step(h)));
+            return Err(self.unbearable(s, h));
         }
         if verdict.within_travel {
             return Err(self.no_step(h));
         }
-        let i = self.dynamics.worst(|i| self.y[i].v.norm());
+        let start = self.stepper.slope(0);
+        let i = self.dynamics.worst(|i| start[i].x.norm() + h * start[i].v.norm());
         Err(Error::TooFast { t: self.t, h, i, travel: self.dynamics.travel() })
+    }
+
+    /// Why the right-hand side in stage `s` of the last trial, with step `h` (s), is not finite. Collective.
+    fn unbearable(&mut self, s: usize, h: f64) -> Error {
+        let state = self.stepper.stage(s, h, &self.y);
+        let t = self.t + self.stepper.tableau().c[s] * h;
+        self.dynamics.explain(&state, t).unwrap_or_else(|| {
+            let i = self.dynamics.worst(|i| self.stepper.slope(s)[i].max_abs());
+            Error::Acceleration { i, t }
+        })
     }
 
     /// The first stage of the last trial whose right-hand side is not finite, if any. Collective.
@@ -385,11 +401,14 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         self.dynamics.worst(|i| self.stepper.error_of(i))
     }
 
-    /// Counts steps that are accepted only because they are the smallest, and ends the run when they prevail.
-    fn watch_forced(&mut self, h: f64, forced: bool) -> Result<(), Error> {
-        self.forced_in_a_row = if forced { self.forced_in_a_row + 1 } else { 0 };
+    /// Counts a step `h` (s) that stands, and ends the run when those that stand only because they are the smallest
+    /// prevail. Collective.
+    fn count(&mut self, h: f64, forced: bool) -> Result<(), Error> {
+        self.last = h;
+        self.counts.accepted += 1;
         self.counts.forced += u64::from(forced);
-        let accepted = self.counts.accepted + 1;
+        self.forced_in_a_row = if forced { self.forced_in_a_row + 1 } else { 0 };
+        let accepted = self.counts.accepted;
         let prevail = accepted > FORCED_GRACE && self.counts.forced * 100 > accepted;
         if forced && (self.forced_in_a_row >= FORCED_IN_A_ROW || prevail) {
             return Err(Error::BelowRoundOff {

@@ -17,10 +17,12 @@ impl Job for Count<'_> {
         let y = simulation.state().to_vec();
         let mut slopes = y.clone();
         let dynamics = simulation.dynamics_mut();
+        let before = dynamics.pair_evaluations();
         dynamics.begin(&y);
         dynamics.rhs(0.0, &y, &mut slopes);
         let n = y.len() as f64;
-        self.0.push([dynamics.pair_evaluations() as f64 / n, dynamics.listed_pairs() as f64 / n]);
+        let evaluated = (dynamics.pair_evaluations() - before) as f64;
+        self.0.push([evaluated / n, dynamics.listed_pairs() as f64 / n]);
     }
 }
 

@@ -4,6 +4,8 @@ use super::Comm;
 
 /// A rank may own this many times its fair share before the bounds move.
 const TOLERATED_IMBALANCE: f64 = 1.1;
+/// Rebuilds after which bounds that could not be balanced better, because heights were equal, are tried again.
+const PATIENCE: u32 = 32;
 
 /// Bounds of the slabs of all ranks, the same on every rank.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,6 +14,8 @@ pub struct Slabs {
     bounds: Vec<f64>,
     /// Imbalance that the last move of the bounds could not remove.
     achieved: f64,
+    /// Rebuilds since then.
+    age: u32,
 }
 
 impl Slabs {
@@ -19,7 +23,7 @@ impl Slabs {
     pub fn new(ranks: usize) -> Self {
         let mut bounds = vec![f64::INFINITY; ranks + 1];
         bounds[0] = f64::NEG_INFINITY;
-        Slabs { bounds, achieved: 1.0 }
+        Slabs { bounds, achieved: 1.0, age: 0 }
     }
 
     /// The rank that owns height `z` (m).
@@ -36,8 +40,9 @@ impl Slabs {
     /// Moves the bounds to equal counts if some rank owns too much. `counts[q]` is what rank q owns now. Collective,
     /// and every rank decides alike. Returns whether the bounds moved.
     pub fn follow(&mut self, comm: &dyn Comm, z: impl Iterator<Item = f64>, counts: &[u64]) -> bool {
-        let imbalance = imbalance(counts);
-        if comm.size() == 1 || imbalance <= TOLERATED_IMBALANCE * self.achieved {
+        self.age += 1;
+        let expected = if self.age < PATIENCE { self.achieved } else { 1.0 };
+        if comm.size() == 1 || imbalance(counts) <= TOLERATED_IMBALANCE * expected {
             return false;
         }
         self.balance(comm, z);
@@ -87,6 +92,7 @@ impl Slabs {
         z.iter().for_each(|&z| counts[self.owner(z)] += 1);
         comm.sum(&mut counts);
         self.achieved = imbalance(&counts);
+        self.age = 0;
     }
 }
 
@@ -122,7 +128,8 @@ mod tests {
 
     #[test]
     fn every_height_has_one_owner() {
-        let slabs = Slabs { bounds: vec![f64::NEG_INFINITY, 0.0, 0.0, 2.5, f64::INFINITY], achieved: 1.0 };
+        let slabs =
+            Slabs { bounds: vec![f64::NEG_INFINITY, 0.0, 0.0, 2.5, f64::INFINITY], achieved: 1.0, age: 0 };
         for (z, rank) in [(-1e300, 0), (-0.1, 0), (0.0, 2), (2.4, 2), (2.5, 3), (1e300, 3)] {
             assert_eq!(slabs.owner(z), rank);
             let (low, high) = slabs.of(rank);
@@ -163,6 +170,13 @@ mod tests {
             let owner = slabs.owner(1.0);
             assert!(owner < 3);
             assert!(!slabs.follow(comm, z.iter().copied(), &[0, 60, 0]));
+            // Once they have spread, the bounds follow all the same.
+            let spread: Vec<f64> = (0..z.len()).map(|k| k as f64).collect();
+            assert!((0..PATIENCE).any(|_| slabs.follow(comm, spread.iter().copied(), &[0, 60, 0])));
+            let mut owned = vec![0; 3];
+            spread.iter().for_each(|&z| owned[slabs.owner(z)] += 1);
+            comm.sum(&mut owned);
+            assert_eq!(owned, [20, 20, 20]);
         });
     }
 }

@@ -24,9 +24,9 @@ pub trait Linear: Copy + Send + Sync {
 pub struct Verdict {
     /// Largest error over all components of all particles; +infinity when anything is not finite.
     pub error: f64,
-    /// The neighbour lists covered every stage: if not, the trial says nothing.
+    /// The neighbour lists covered every stage and the result: if not, the trial says nothing.
     pub covered: bool,
-    /// No stage moved a particle further from the start of the step than a step may.
+    /// Neither a stage nor the result moved a particle further from the start of the step than a step may.
     pub within_travel: bool,
 }
 

@@ -28,6 +28,21 @@ impl<S: Linear> Stepper<S> {
         self.tableau
     }
 
+    /// Evaluates f at the state `y` from which the first step will start, at time `t` (s). Collective.
+    pub fn start<P: Ivp<State = S>>(&mut self, ivp: &mut P, t: f64, y: &[S]) {
+        ivp.begin(y);
+        self.resize(y.len());
+        ivp.rhs(t, y, &mut self.slopes[0]);
+        self.first_slope_known = true;
+    }
+
+    fn resize(&mut self, n: usize) {
+        self.stage.resize(n, S::zero());
+        for slope in &mut self.slopes {
+            slope.resize(n, S::zero());
+        }
+    }
+
     /// To be called when the state has changed or its particles have moved in memory.
     pub fn forget(&mut self) {
         self.first_slope_known = false;
@@ -62,12 +77,8 @@ impl<S: Linear> Stepper<S> {
         y: &[S],
         next: &mut Vec<S>,
     ) -> Verdict {
-        let n = y.len();
-        self.stage.resize(n, S::zero());
-        next.resize(n, S::zero());
-        for slope in &mut self.slopes {
-            slope.resize(n, S::zero());
-        }
+        self.resize(y.len());
+        next.resize(y.len(), S::zero());
         let table = self.tableau;
         ivp.begin(y);
         if !self.first_slope_known {
