@@ -20,6 +20,11 @@ impl Wall {
         Wall { normal, offset: normal.dot(&point) }
     }
 
+    /// The other wall, whose normal is the same, is the same plane.
+    pub fn coincides(&self, other: &Wall) -> bool {
+        (self.offset - other.offset).abs() <= 1e-12 * self.offset.abs().max(1.0)
+    }
+
     /// How far inside the plane `x` lies, m; negative beyond it.
     #[inline(always)]
     pub fn depth(&self, x: &Vec3) -> f64 {

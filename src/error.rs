@@ -101,7 +101,7 @@ pub enum Error {
     #[error(
         "solver.tolerance = {tolerance:e} is below round-off: {forced} of {accepted} steps up to t = {t} s were accepted \
          at solver.min_step = {min_step:e} s with a larger error (step {h:e} s, limited by particle {i}); \
-         a larger tolerance would do"
+         a larger tolerance, or smaller forces at the start, would do"
     )]
     BelowRoundOff {
         /// `solver.tolerance`.

@@ -26,7 +26,8 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     let place = Output::check_place(comm, &file, args.force, room);
     let cut = report::cut_force_warning(&scene);
     if comm.rank() == 0 {
-        bound.iter().chain(&cut).for_each(|warning| launch::say(warning));
+        let doubles = report::double_wall_warnings(&scene);
+        bound.iter().chain(&cut).chain(&doubles).for_each(|warning| launch::say(warning));
     }
     if args.dry_run {
         let output = match &place {
@@ -201,9 +202,8 @@ impl Task for Run<'_> {
         let rotation = W::COMPONENTS > 0;
         let output = Output::create(comm, place, &info, count, scene.particles.radius, rotation, block)?;
         let progress = Progress::new(comm.rank(), scene.t_end, args.quiet, args.verbose);
-        let mut recorder =
-            Recorder { output, progress, started, measures: None, last: Last::default(), frames: 0 };
-        recorder.last.count = count;
+        let last = Last { count, ..Last::default() };
+        let mut recorder = Recorder { output, scene, progress, started, measures: None, last, frames: 0 };
         let outcome = simulation.run(&mut recorder);
         recorder.progress.close();
         let outcome = outcome?;
@@ -230,6 +230,7 @@ const INSTRUCTION_SET: &str =
 /// Writes frames and tells about them.
 struct Recorder<'a> {
     output: Output<'a>,
+    scene: &'a Scene,
     progress: Progress,
     started: Instant,
     measures: Option<Measures>,
@@ -266,6 +267,10 @@ impl<W: Spin> Observer<W> for Recorder<'_> {
             bed_height: frame.bed_height,
             wall_seconds: self.started.elapsed().as_secs_f64(),
         };
+        let overlap = report::overlap_warning(self.scene, frame.largest_overlap);
+        if let (0, true, Some(warning)) = (self.frames, frame.first == 0 && !frame.rows.is_empty(), overlap) {
+            launch::say(&warning);
+        }
         self.output.append(&rows, &measures)?;
         self.measures = Some(measures);
         self.frames += 1;

@@ -1,5 +1,6 @@
 //! What the program says: the plan of a dry run, the progress, the closing summary.
 
+use crate::container::described_walls;
 use crate::domain::{Comm, rows, slabs::Slabs};
 use crate::dynamics::SKIN;
 use crate::effects::Effects;
@@ -42,6 +43,31 @@ pub fn cut_force_warning(scene: &Scene) -> Option<String> {
     })
 }
 
+/// A warning for every two walls that are the same plane: each pushes, and rubs, on its own.
+pub fn double_wall_warnings(scene: &Scene) -> Vec<String> {
+    let walls = described_walls(&scene.container);
+    let mut warnings = Vec::new();
+    for (k, (b, second)) in walls.iter().enumerate() {
+        // Equal to rounding, far below any length that matters.
+        let same = walls[..k].iter().find(|(a, _)| (a.normal - b.normal).norm() < 1e-12 && a.coincides(b));
+        warnings.extend(same.map(|(_, first)| {
+            format!("warning: {second} is the same plane as {first}: its force counts twice")
+        }));
+    }
+    warnings
+}
+
+/// A warning where spheres overlap deeply before anything has moved.
+pub fn overlap_warning(scene: &Scene, overlap: f64) -> Option<String> {
+    let share = overlap / scene.particles.radius;
+    (share > 0.3).then(|| {
+        format!(
+            "warning: at the start spheres overlap each other or a wall by up to {overlap:.3e} m, {share:.2} of the radius: \
+             they will fly apart"
+        )
+    })
+}
+
 /// Memory of the start of one particle, which every rank holds for all, bytes.
 pub const START_BYTES: u64 = 72;
 
@@ -54,10 +80,13 @@ pub fn bytes_per_particle(scene: &Scene) -> u64 {
     (states + lists) as u64
 }
 
+/// Size of an output file without frames, bytes: mostly room for small arrays.
+const OUTPUT_BYTES: u64 = 600 << 10;
+
 /// Bytes that the output file will take, about.
 pub fn output_bytes(scene: &Scene, count: u64) -> u64 {
     let per_row = if scene.rotates() { 72 } else { 48 };
-    frames(scene).saturating_mul(count).saturating_mul(per_row).saturating_add(64 * 1024)
+    frames(scene).saturating_mul(count).saturating_mul(per_row).saturating_add(OUTPUT_BYTES)
 }
 
 /// Frames of the scene, the one at t = 0 included.
@@ -324,6 +353,21 @@ mod tests {
         let weightless = scene(&["contact.stiffness_exponent=30", "gravity=[0,0,0]"]);
         // exp(-30 l) = 1e-3 at l = 0.23026 m.
         assert!(cut_force_warning(&weightless).unwrap().contains("0.2303 m"));
+    }
+
+    #[test]
+    fn walls_given_twice_are_warned_of() {
+        assert!(double_wall_warnings(&scene(&[])).is_empty());
+        let floor = "container.wall=[{ point = [5, 5, 0], normal = [0, 0, -2] }, { normal = [0, 0, 1] }]";
+        let warnings = double_wall_warnings(&scene(&[floor]));
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        assert!(warnings[0].contains("container.wall[0]") && warnings[0].contains("z = 0 m"), "{warnings:?}");
+    }
+
+    #[test]
+    fn deep_overlaps_at_the_start_are_warned_of() {
+        assert_eq!(overlap_warning(&scene(&[]), 0.029), None);
+        assert!(overlap_warning(&scene(&[]), 0.17).unwrap().contains("1.70 of the radius"));
     }
 
     #[test]

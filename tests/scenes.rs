@@ -208,3 +208,13 @@ fn a_scene_with_one_mistake_does_not_bring_the_program_down() {
         }
     }
 }
+
+#[test]
+fn the_scene_of_the_readme_runs_as_it_is_printed() {
+    let readme = include_str!("../README.md");
+    let (_, rest) = readme.split_once("```toml\n").expect("the README shows a scene");
+    let (text, _) = rest.split_once("```").expect("the scene of the README ends");
+    let scene = Scene::parse("readme.toml", text, &[]).unwrap_or_else(|why| panic!("{why}"));
+    let start = start::grid(&scene, scene.particles.grid.as_ref().expect("it has a grid"));
+    assert_eq!(start::check(&scene, &start), Ok(()));
+}
