@@ -153,6 +153,19 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
         }
     }
 
+    /// Power (W) that one contact takes out of kinetic energy + stored energy: by rebound, (rho(v) - rho(0)) F v with
+    /// v the closing speed, which is never negative; and by friction, -F_fr . t. Arguments as for `action`, at any gap.
+    pub fn dissipation<W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2] {
+        if gap > self.l_max {
+            return [0.0; 2];
+        }
+        let closing = -n.dot(v_rel);
+        let repulsion = self.repulsion(gap);
+        let rebound = (self.rebound.share(closing) - self.rebound.share(0.0)) * repulsion * closing;
+        let slip = v_rel + n * closing - spins.surface_velocity(self.r, n);
+        [rebound, -self.tangential.friction(repulsion, &slip).dot(&slip)]
+    }
+
     /// Force and torque on particle i by one contact, eqs. (2.3), (2.5), (2.6), (2.9), (2.11), (2.12).
     /// `gap` (m) must not exceed `l_max`; `v_rel` (m/s) is the velocity of i relative to its partner's centre;
     /// `spins` (rad/s) is w_i + w_j, with w_j = 0 for a wall.

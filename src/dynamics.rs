@@ -7,7 +7,7 @@ use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::error::Error;
 use crate::forces::{Broken, Forces, Setting};
-use crate::ode::{Ivp, Verdict, larger};
+use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
 use crate::particle::{Motion, Spin, Vec3};
 use fail::fail_point;
 use std::time::{Duration, Instant};
@@ -42,6 +42,9 @@ pub struct Extremes {
     pub drift: f64,
 }
 
+/// Looks out for the first right-hand side that is not finite: its time (s), state and slope.
+type Watch<W> = Option<(f64, Vec<Motion<W>>, Vec<Motion<W>>)>;
+
 /// Equations of motion of all particles, of which this rank owns some.
 pub struct Dynamics<'c, R, T, W> {
     comm: &'c dyn Comm,
@@ -63,17 +66,24 @@ pub struct Dynamics<'c, R, T, W> {
     candidate: Extremes,
     pair_evaluations: u64,
     rebuilds: u64,
+    /// Whether every right-hand side also tells what it dissipates.
+    audits: bool,
+    losses: Losses,
+    watch: Option<Watch<W>>,
+    /// A speed that matters in the scene, m/s.
+    velocity_scale: f64,
     /// Time by part.
     pub clocks: Clocks,
 }
 
 impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// Takes the particles `ids` with their states `y`, spread over the ranks in any way, and brings each to the rank
-    /// that owns it. Ids must be 0..count over all ranks. Collective.
+    /// that owns it. Ids must be 0..count over all ranks; `velocity_scale` is a speed that matters, m/s. Collective.
     pub fn new(
         comm: &'c dyn Comm,
         law: Law<R, T>,
         setting: Setting,
+        velocity_scale: f64,
         ids: Vec<u64>,
         y: &mut Vec<Motion<W>>,
     ) -> Result<Self, Error> {
@@ -93,10 +103,14 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             candidate: Extremes::default(),
             pair_evaluations: 0,
             rebuilds: 0,
+            audits: false,
+            losses: [0.0; 2],
+            watch: None,
+            velocity_scale,
             clocks: Clocks::default(),
         };
         dynamics.forces.owned = y.len();
-        dynamics.rebuild(y, 0.0)?;
+        dynamics.relocate(0.0, y, &mut [])?;
         Ok(dynamics)
     }
 
@@ -185,14 +199,42 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         0.5 * SKIN * self.forces.law.r
     }
 
-    /// Migrates particles to their owners, moves slab bounds after them, and lists neighbours afresh. `y` may change
-    /// in length and order. Collective.
-    pub fn rebuild(&mut self, y: &mut Vec<Motion<W>>, t: f64) -> Result<(), Error> {
+    /// From now on every right-hand side also tells the power that it dissipates, which costs about as much again.
+    pub fn audit(&mut self) {
+        self.audits = true;
+    }
+
+    /// From now on looks out for a right-hand side that is not finite, which costs a reduction each.
+    pub fn watch(&mut self) {
+        self.watch = Some(None);
+    }
+
+    /// The first right-hand side since `watch` that was not finite: time (s), state and slope. Ends the watch.
+    pub fn broken(&mut self) -> Watch<W> {
+        self.watch.take().flatten()
+    }
+
+    /// Migrates particles to their owners, moves slab bounds after them, and lists neighbours afresh. What belongs to
+    /// `anchor` may change in length and order. Collective.
+    pub fn rebuild(&mut self, anchor: &mut Anchor<Motion<W>>) -> Result<(), Error> {
+        let Anchor { t, y, slope, slope_known, direction, .. } = anchor;
+        // All ranks know the same, so all send the same lists.
+        let known = [*slope_known, !direction.is_empty() || self.count() == 0];
+        let lists = [slope, direction].into_iter().zip(known).filter_map(|(list, known)| known.then_some(list));
+        self.relocate(*t, y, &mut lists.collect::<Vec<_>>())
+    }
+
+    fn relocate(
+        &mut self,
+        t: f64,
+        y: &mut Vec<Motion<W>>,
+        companions: &mut [&mut Vec<Motion<W>>],
+    ) -> Result<(), Error> {
         let clock = Instant::now();
         self.ids.truncate(self.forces.owned);
         let counts: Vec<u64> = self.gather([y.len() as f64]).into_iter().map(|[n]| n as u64).collect();
         self.slabs.follow(self.comm, y.iter().map(|body| body.x.z), &counts);
-        migration::migrate(self.comm, &self.slabs, &mut self.ids, y);
+        migration::migrate(self.comm, &self.slabs, &mut self.ids, y, companions);
         self.census.check(self.comm, &self.ids, t)?;
         let own = Extent::of(y.iter().map(|body| body.x.z));
         let extents = self.gather([own.low, own.high]).into_iter().map(|[low, high]| Extent { low, high });
@@ -285,6 +327,14 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         (energy, overlap[0])
     }
 
+    /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.
+    /// Collective.
+    fn dissipation(&self) -> Losses {
+        let forces = &self.forces;
+        let own: Vec<Losses> = (0..forces.owned).map(|i| forces.dissipation(i)).collect();
+        [0, 1].map(|k| exact::exact_sum(self.comm, own.iter().map(|losses| losses[k])))
+    }
+
     /// Height of the highest point of any sphere against gravity (along z without gravity), from the origin, m.
     /// Collective.
     pub fn bed_height(&self, y: &[Motion<W>]) -> f64 {
@@ -309,7 +359,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         self.moved = [0.0; 2];
     }
 
-    fn rhs(&mut self, _t: f64, y: &[Motion<W>], dydt: &mut [Motion<W>]) {
+    fn rhs(&mut self, t: f64, y: &[Motion<W>], dydt: &mut [Motion<W>]) {
         fail_point!("rhs");
         let clock = Instant::now();
         self.halo.refresh(self.comm, y, self.forces.ghosts());
@@ -318,8 +368,58 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
         self.pair_evaluations += self.forces.evaluate_pairs();
         self.forces.accelerate(dydt);
+        if self.audits {
+            self.losses = self.dissipation();
+        }
+        if matches!(self.watch, Some(None)) {
+            let mut steepest = [dydt.iter().map(Linear::max_abs).fold(0.0, larger)];
+            self.comm.max(&mut steepest);
+            if steepest[0] == f64::INFINITY {
+                self.watch = Some(Some((t, y.to_vec(), dydt.to_vec())));
+            }
+        }
         self.clocks.ghosts += refreshed - clock;
         self.clocks.forces += refreshed.elapsed();
+    }
+
+    fn losses(&self) -> Losses {
+        self.losses
+    }
+
+    /// Twice the kinetic energy of the velocities in `v`, and positions by the speed at which a contact at rest would
+    /// swing; the square root of it. Friction is symmetric in this norm.
+    fn length(&mut self, v: &[Motion<W>]) -> f64 {
+        let Setting { mass, inverse_inertia, .. } = self.forces.setting;
+        let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
+        let stiffness = self.forces.law.kappa * self.forces.law.f_0;
+        let square = |body: &Motion<W>| {
+            mass * body.v.norm_squared()
+                + inertia * body.omega.vector().norm_squared()
+                + stiffness * body.x.norm_squared()
+        };
+        exact::exact_sum(self.comm, v.iter().map(square)).sqrt()
+    }
+
+    fn any_direction(&mut self, round: u64, v: &mut Vec<Motion<W>>) {
+        let size = 1.0 / (self.forces.setting.mass * self.count() as f64).sqrt();
+        let r = self.forces.law.r;
+        v.clear();
+        v.extend(self.ids[..self.forces.owned].iter().map(|&id| {
+            let mut bits = migration::scramble(id ^ migration::scramble(round));
+            let mut vector = |size: f64| {
+                Vec3::from_fn(|_, _| {
+                    bits = migration::scramble(bits);
+                    // 53 bits of a fraction in -1..1.
+                    size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0)
+                })
+            };
+            Motion { x: Vec3::zeros(), v: vector(size), omega: W::from_vector(vector(size / r)) }
+        }));
+    }
+
+    /// 1.5e-8 of a particle at the speed of `velocity_scale`: half of the digits.
+    fn small_length(&self) -> f64 {
+        f64::EPSILON.sqrt() * self.forces.setting.mass.sqrt() * self.velocity_scale
     }
 
     fn agree(&mut self, error: f64, next: &[Motion<W>]) -> Verdict {

@@ -5,7 +5,7 @@
 use crate::contact::{Action, Law, Rebound, Tangential};
 use crate::container::Wall;
 use crate::neighbors::Lists;
-use crate::ode::{Linear, larger};
+use crate::ode::{Linear, Losses, add_losses, larger};
 use crate::parallel::{self, GRAIN};
 use crate::particle::{Motion, Spin, Vec3};
 use fail::fail_point;
@@ -180,6 +180,26 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         let walls: f64 =
             self.lists.walls(i).iter().map(|&k| self.law.stored_energy(self.wall_gap(i, k))).sum();
         pairs + walls - self.setting.mass * self.setting.gravity.dot(&self.bodies[i].x)
+    }
+
+    /// Power that the contacts of owned particle `i` dissipate by rebound and by friction, W: half of what its pairs do,
+    /// all of what its walls do.
+    pub fn dissipation(&self, i: usize) -> Losses {
+        let mut sum = [0.0; 2];
+        for entry in self.lists.entries(i) {
+            let [a, b] = self.lists.pairs[entry.pair()].map(|k| &self.bodies[k as usize]);
+            let apart = a.x - b.x;
+            let d = apart.norm();
+            let (gap, n) = (d - 2.0 * self.law.r, apart / d);
+            let losses = self.law.dissipation(gap, &n, &(a.v - b.v), &a.omega.plus(&b.omega));
+            add_losses(&mut sum, 0.5, &losses);
+        }
+        let body = &self.bodies[i];
+        for &k in self.lists.walls(i) {
+            let n = -self.setting.walls[k as usize].normal;
+            add_losses(&mut sum, 1.0, &self.law.dissipation(self.wall_gap(i, k), &n, &body.v, &body.omega));
+        }
+        sum
     }
 
     /// Largest overlap of the bodies in place with each other and with walls, m; 0 without any.

@@ -24,8 +24,7 @@ where
     if threads == 1 || items.len() <= grain {
         return fold(identity, work(0, items));
     }
-    // A few chunks a thread, so that a slow one is helped out.
-    let size = items.len().div_ceil(4 * threads).max(grain / 2);
+    let size = chunk_size(items.len(), threads, grain);
     items
         .par_chunks_mut(size)
         .enumerate()
@@ -36,6 +35,49 @@ where
 /// `chunks` for work that returns nothing.
 pub fn for_chunks<T: Send>(items: &mut [T], grain: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     chunks(items, grain, work, (), |_, _| ());
+}
+
+/// `for_chunks` over two lists of the same length at once.
+pub fn for_chunk_pairs<T: Send, U: Send>(
+    a: &mut [T],
+    b: &mut [U],
+    grain: usize,
+    work: impl Fn(usize, &mut [T], &mut [U]) + Sync,
+) {
+    debug_assert_eq!(a.len(), b.len(), "the lists are as long as each other");
+    let threads = rayon::current_num_threads();
+    if threads == 1 || a.len() <= grain {
+        return work(0, a, b);
+    }
+    let size = chunk_size(a.len(), threads, grain);
+    a.par_chunks_mut(size)
+        .zip(b.par_chunks_mut(size))
+        .enumerate()
+        .for_each(|(k, (a, b))| work(k * size, a, b));
+}
+
+/// Folds `value(i)` for i in 0..n. The fold must not care about the order.
+pub fn fold<A: Send + Sync + Clone>(
+    n: usize,
+    grain: usize,
+    value: impl Fn(usize) -> A + Sync,
+    identity: A,
+    fold: impl Fn(A, A) -> A + Sync + Send,
+) -> A {
+    let threads = rayon::current_num_threads();
+    if threads == 1 || n <= grain {
+        return (0..n).map(value).fold(identity, fold);
+    }
+    let size = chunk_size(n, threads, grain);
+    let part = |k: usize| {
+        (k * size..((k + 1) * size).min(n)).map(&value).fold(identity.clone(), |a, b| fold(a, b))
+    };
+    (0..n.div_ceil(size)).into_par_iter().map(part).reduce(|| identity.clone(), &fold)
+}
+
+/// A few chunks a thread, so that a slow one is helped out.
+fn chunk_size(n: usize, threads: usize, grain: usize) -> usize {
+    n.div_ceil(4 * threads).max(grain / 2)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A particle's state of motion, with or without spin. Effects are types: a scene without rotation carries no
 //! spin anywhere, because `Locked` has no size.
 
-use crate::ode::{Linear, larger};
+use crate::ode::{Linear, Weights, larger};
 use nalgebra::Vector3;
 
 /// A vector in space; unit by context.
@@ -142,8 +142,18 @@ impl<W: Spin> Linear for Motion<W> {
         self.omega = self.omega.plus(&other.omega.scaled(s));
     }
     #[inline(always)]
-    fn max_abs(&self) -> f64 {
-        larger(larger(max_abs(&self.x), max_abs(&self.v)), self.omega.max_abs())
+    fn magnitude(&self, weights: &Weights) -> f64 {
+        let (x, v) = (weights.x * max_abs(&self.x), weights.v * max_abs(&self.v));
+        larger(larger(x, v), weights.omega * self.omega.max_abs())
+    }
+    #[inline(always)]
+    fn kick(&mut self, h: f64, slope: &Self) {
+        self.v += slope.v * h;
+        self.omega = self.omega.plus(&slope.omega.scaled(h));
+    }
+    #[inline(always)]
+    fn drift(&mut self, h: f64) {
+        self.x += self.v * h;
     }
 }
 

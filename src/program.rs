@@ -192,7 +192,7 @@ impl Task for Run<'_> {
             commit: env!("DEMHYBRID_COMMIT").into(),
             scene: scene.resolved(),
             method: scene.solver.method.clone(),
-            tolerance: scene.solver.tolerance,
+            tolerance: scene.solver.tolerance.unwrap_or(0.0),
             mass: scene.particles.mass,
             ranks: comm.size(),
             threads,

@@ -134,7 +134,7 @@ pub fn plan(
     line("particles", format!("{count} of radius {r} m and mass {} kg, {walls} walls", scene.particles.mass));
     line("time", format!("to t = {} s, {} frames", scene.t_end, frames(scene)));
     let solver = &scene.solver;
-    line("solver", format!("{}, tolerance {}, norm {}", solver.method, solver.tolerance, solver.norm));
+    line("solver", format!("{}, tolerance {:?}, norm {}", solver.method, solver.tolerance, solver.norm));
     let per_particle = bytes_per_particle(scene);
     let start = START_BYTES * count * comm.size() as u64;
     line(
@@ -224,7 +224,7 @@ pub fn summary(
     let mut sums = [launch::peak_memory(), outcome.ghosts as u64, outcome.bytes as u64];
     comm.sum(&mut sums);
     let [peak, ghosts, bytes] = sums;
-    let Counts { accepted, rejected, outrun, forced, rhs, pairs, rebuilds } = outcome.counts;
+    let Counts { accepted, rejected, outrun, forced, rhs, pairs, rebuilds, .. } = outcome.counts;
     let count = last.count.max(1);
     let r = scene.particles.radius;
     let per = |x: u64, of: f64| x as f64 / of.max(1.0);
@@ -246,7 +246,7 @@ pub fn summary(
     );
     line(
         "right-hand sides",
-        format!("{rhs} ({}, tolerance {})", scene.solver.method, scene.solver.tolerance),
+        format!("{rhs} ({}, tolerance {:?})", scene.solver.method, scene.solver.tolerance),
     );
     line(
         "pair evaluations",

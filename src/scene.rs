@@ -164,11 +164,17 @@ fn turning() -> bool {
 pub struct Solver {
     /// One of `keys::METHODS`.
     pub method: String,
-    /// delta; > 0.
-    pub tolerance: f64,
+    /// Bound on the error of a step in the given norm; > 0. `Some` after [`Scene::parse`] unless the method has a fixed
+    /// step.
+    pub tolerance: Option<f64>,
     /// How an error is measured; one of `keys::NORMS`.
     pub norm: String,
-    /// First trial step, s; > 0.
+    /// Speed that errors of velocity are compared with in the scaled norm, m/s; > 0. Left out: see
+    /// [`crate::start::velocity_scale`].
+    pub velocity_scale: Option<f64>,
+    /// Fixed step of velocity-verlet, s; > 0, and there exactly with that method.
+    pub step: Option<f64>,
+    /// Largest first trial step, s; > 0.
     pub initial_step: f64,
     /// Smallest step, s; > 0.
     pub min_step: f64,
@@ -176,12 +182,21 @@ pub struct Solver {
     pub max_step: f64,
 }
 
+/// `solver.norm` with the published error rate.
+pub const PAPER_NORM: &str = "paper";
+
+/// Tolerances where the scene says nothing, in the scaled and in the paper's norm.
+pub const DEFAULT_TOLERANCE: f64 = 1e-3;
+const PAPER_TOLERANCE: f64 = 0.1;
+
 impl Default for Solver {
     fn default() -> Self {
         Solver {
-            method: "merson".to_owned(),
-            tolerance: 0.1,
-            norm: "paper".to_owned(),
+            method: "auto".to_owned(),
+            tolerance: None,
+            norm: "scaled".to_owned(),
+            velocity_scale: None,
+            step: None,
             initial_step: 0.1,
             min_step: 1e-9,
             max_step: f64::INFINITY,
@@ -189,7 +204,7 @@ impl Default for Solver {
     }
 }
 
-/// What is written; both are `Some` after [`Scene::parse`].
+/// What is written; file and interval are `Some` after [`Scene::parse`].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Output {
@@ -197,6 +212,8 @@ pub struct Output {
     pub file: Option<PathBuf>,
     /// Simulated time between frames, s; > 0.
     pub interval: Option<f64>,
+    /// Whether the energy that contacts dissipate is integrated and written.
+    pub energy: bool,
 }
 
 impl Scene {
@@ -210,6 +227,7 @@ impl Scene {
         let mut scene = Scene::deserialize(toml::Deserializer::from(table))
             .map_err(|mistake| source.error(mistake.span(), mistake.message()))?;
         scene.fill_in_output(name);
+        scene.fill_in_tolerance();
         check::relations(&source, &scene)?;
         Ok(scene)
     }
@@ -230,6 +248,14 @@ impl Scene {
     /// Whether particles have spins: friction with rotation, and a coefficient that is not 0.
     pub fn rotates(&self) -> bool {
         self.friction.as_ref().is_some_and(|friction| friction.rotation && friction.coefficient > 0.0)
+    }
+
+    fn fill_in_tolerance(&mut self) {
+        let solver = &mut self.solver;
+        if solver.step.is_none() {
+            let default = if solver.norm == PAPER_NORM { PAPER_TOLERANCE } else { DEFAULT_TOLERANCE };
+            solver.tolerance.get_or_insert(default);
+        }
     }
 
     fn fill_in_output(&mut self, name: &str) {
@@ -270,8 +296,9 @@ mod tests {
         assert_eq!(scene.particles.mass, 1.0);
         assert_eq!(scene.container, Container { r#box: None, wall: vec![] });
         assert_eq!(scene.friction, None);
-        assert_eq!((scene.solver.method.as_str(), scene.solver.norm.as_str()), ("merson", "paper"));
-        assert_eq!((scene.solver.tolerance, scene.solver.initial_step), (0.1, 0.1));
+        assert_eq!((scene.solver.method.as_str(), scene.solver.norm.as_str()), ("auto", "scaled"));
+        assert_eq!((scene.solver.tolerance, scene.solver.initial_step), (Some(DEFAULT_TOLERANCE), 0.1));
+        assert_eq!(parse(&["solver.norm=paper"]).unwrap().solver.tolerance, Some(0.1));
         assert_eq!((scene.solver.min_step, scene.solver.max_step), (1e-9, f64::INFINITY));
         assert_eq!(scene.output.file, Some("short.vtkhdf".into()));
         assert_eq!(scene.output.interval, Some(0.08));
@@ -285,6 +312,8 @@ mod tests {
             "container.wall=[{}, { point = [1, 2, 3], normal = [0, 7, 0] }]",
             "output.file=a \"quoted\" file.vtkhdf",
             "solver.max_step=0.5",
+            "solver.velocity_scale=2",
+            "output.energy=true",
         ];
         let scene = parse(&everything).unwrap();
         assert_eq!(Scene::parse("other.toml", &scene.resolved(), &[]).unwrap(), scene);

@@ -6,11 +6,14 @@ use crate::dynamics::{Clocks, Dynamics};
 use crate::effects::{self, Effects, Variant};
 use crate::error::Error;
 use crate::forces::Setting;
-use crate::ode::{Linear, MERSON, StepRule, Stepper, Verdict, larger};
+use crate::ode::{Anchor, Ivp, Limit, Linear, Losses, Norm, StepControl, StepRule, Trial, Verdict, Weights, larger};
 use crate::particle::{Locked, Motion, Spin, Spinning, Vec3};
 use crate::scene::Scene;
-use crate::start::Start;
+use crate::start::{self, Start};
+use integrator::Integrator;
 use std::time::Instant;
+
+mod integrator;
 
 /// Forced accepts in a row that end a run.
 const FORCED_IN_A_ROW: u64 = 1000;
@@ -34,6 +37,8 @@ pub struct Counts {
     pub pairs: u64,
     /// Times the neighbour lists were built.
     pub rebuilds: u64,
+    /// Accepted steps by what decided their size, in the order of `Limit::ALL`.
+    pub limits: [u64; Limit::ALL.len()],
 }
 
 /// The state of the system at one time, as the output and the progress line want it.
@@ -53,6 +58,8 @@ pub struct Frame<'a, W> {
     pub largest_overlap: f64,
     /// Highest point of any sphere, m.
     pub bed_height: f64,
+    /// Energy dissipated so far by rebound and by friction, J; zero unless `output.energy` asks for it.
+    pub dissipated: Losses,
     /// First id of `rows`.
     pub first: u64,
     /// This rank's block of the particles, by id.
@@ -72,7 +79,7 @@ impl<W, F: FnMut(&Frame<W>) -> Result<(), Error>> Observer<W> for F {
 }
 
 /// How a run went.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Outcome {
     /// Work done.
     pub counts: Counts,
@@ -84,6 +91,8 @@ pub struct Outcome {
     pub seconds: f64,
     /// Largest overlap of any frame, m.
     pub largest_overlap: f64,
+    /// The method that took the steps and, of `auto`, why.
+    pub choice: String,
     /// Memory of the solver on this rank, bytes.
     pub bytes: usize,
     /// Ghosts of this rank at the end.
@@ -118,26 +127,38 @@ fn with_rebound<R: Rebound, K: Task>(scene: &Scene, variant: Variant, rebound: R
 }
 
 /// A scene in motion.
-pub struct Simulation<'c, R, T, W: Spin> {
+pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     comm: &'c dyn Comm,
     dynamics: Dynamics<'c, R, T, W>,
-    stepper: Stepper<Motion<W>>,
-    rule: StepRule,
-    /// Time of the last accepted state, s.
-    t: f64,
-    /// Last accepted state of the owned particles.
-    y: Vec<Motion<W>>,
-    /// Result of the trial at hand, or the state at a frame.
-    next: Vec<Motion<W>>,
-    /// Proposal for the next step, s.
+    integrator: Integrator<'c, Dynamics<'c, R, T, W>>,
+    control: StepControl,
+    norm: Norm,
+    /// The last accepted state of the owned particles and what belongs to it.
+    anchor: Anchor<Motion<W>>,
+    trial: Trial<Motion<W>>,
+    /// Proposal for the next step, s, and what decided it.
     h: f64,
+    limit: Limit,
     /// Size of the last accepted step, s.
     last: f64,
     counts: Counts,
+    /// Energy dissipated up to the last accepted state, J.
+    dissipated: Losses,
     forced_in_a_row: u64,
     t_end: f64,
     interval: f64,
     started: Instant,
+}
+
+/// A trial step that stands.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    /// Size, s.
+    h: f64,
+    /// It stands only because it could not be smaller.
+    forced: bool,
+    /// What decided its size.
+    limit: Limit,
 }
 
 impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
@@ -168,36 +189,41 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             Motion { x: start.x[i].into(), v: start.v[i].into(), omega }
         };
         let mut y: Vec<Motion<W>> = own.clone().map(body).collect();
-        let mut dynamics = Dynamics::new(comm, law, setting, own.collect(), &mut y)?;
-        let mut stepper = Stepper::new(&MERSON);
-        stepper.start(&mut dynamics, 0.0, &y);
-        let rule = StepRule {
-            tolerance: scene.solver.tolerance,
-            exponent: MERSON.exponent,
-            min_step: scene.solver.min_step,
-            max_step: scene.solver.max_step,
-        };
+        let scale = start::velocity_scale(scene, start);
+        let mut dynamics = Dynamics::new(comm, law, setting, scale, own.collect(), &mut y)?;
+        if scene.output.energy {
+            dynamics.audit();
+        }
+        let mut anchor = Anchor::new(0.0, y);
+        dynamics.begin(&anchor.y);
+        let rhs = anchor.find_slope(&mut dynamics);
+        let (norm, control) = error_control(scene, scale);
         let mut simulation = Simulation {
             comm,
             dynamics,
-            stepper,
-            t: 0.0,
-            y,
-            next: Vec::new(),
-            h: rule.clamp(scene.solver.initial_step),
-            rule,
+            integrator: Integrator::new(scene),
+            norm,
+            anchor,
+            trial: Trial::default(),
+            h: control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step)),
+            limit: Limit::First,
+            control,
             last: 0.0,
-            counts: Counts { rhs: 1, ..Counts::default() },
+            counts: Counts { rhs, ..Counts::default() },
+            dissipated: [0.0; 2],
             forced_in_a_row: 0,
             t_end: scene.t_end,
             interval: scene.output.interval.unwrap_or(scene.t_end / 100.0),
             started: Instant::now(),
         };
         // A start that cannot be continued is told before any output is created.
-        match simulation.broken_stage() {
-            Some(_) => Err(simulation.unbearable(0, 0.0)),
-            None => Ok(simulation),
+        if simulation.start_is_broken() {
+            return Err(simulation.unbearable_start());
         }
+        if simulation.control.rule == StepRule::ProportionalIntegral {
+            simulation.find_first_step();
+        }
+        Ok(simulation)
     }
 
     /// The equations of motion.
@@ -212,53 +238,54 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
 
     /// Last accepted state of the owned particles, by id.
     pub fn state(&self) -> &[Motion<W>] {
-        &self.y
+        &self.anchor.y
     }
 
     /// Runs to the end of the scene and hands every frame to `observer`. Collective.
     pub fn run(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
         let mut output_seconds = 0.0;
         let mut largest_overlap = 0.0f64;
-        let mut show = |this: &mut Self, t: f64, state: &[Motion<W>]| -> Result<(), Error> {
-            let clock = Instant::now();
-            largest_overlap = largest_overlap.max(this.show(t, state, observer)?);
-            output_seconds += clock.elapsed().as_secs_f64();
-            Ok(())
-        };
-        let first = self.y.clone();
-        show(&mut self, 0.0, &first)?;
+        let mut show =
+            |this: &mut Self, t: f64, state: &[Motion<W>], dissipated: Losses| -> Result<(), Error> {
+                let clock = Instant::now();
+                largest_overlap = largest_overlap.max(this.show(t, state, dissipated, observer)?);
+                output_seconds += clock.elapsed().as_secs_f64();
+                Ok(())
+            };
+        let first = self.anchor.y.clone();
+        show(&mut self, 0.0, &first, [0.0; 2])?;
         let mut frame = 1;
         'steps: loop {
-            let (h, forced) = self.find_step()?;
-            let reached = self.t + h;
+            let step = self.find_step()?;
+            let reached = self.anchor.t + step.h;
             let extremes = self.dynamics.candidate();
             while self.frame_time(frame) < reached {
                 let due = self.frame_time(frame);
-                let result = std::mem::take(&mut self.next);
-                let share = (due - self.t) / h;
-                if !self.step_aside(share, h, &result) {
+                let share = (due - self.anchor.t) / step.h;
+                let Some((state, lost)) = self.frame_inside(share, step.h) else {
                     // Rare: the same step again, with fresh lists.
-                    self.rebuild()?;
-                    self.h = h;
+                    self.dynamics.rebuild(&mut self.anchor)?;
+                    (self.h, self.limit) = (step.h, step.limit);
                     continue 'steps;
-                }
+                };
+                let dissipated = [0, 1].map(|k| self.dissipated[k] + lost[k]);
                 if due >= self.t_end {
-                    self.count(share * h, forced)?;
+                    self.count(Step { h: share * step.h, limit: Limit::End, ..step })?;
                 }
-                let state = std::mem::replace(&mut self.next, result);
-                show(&mut self, due, &state)?;
+                show(&mut self, due, &state, dissipated)?;
                 if due >= self.t_end {
                     return Ok(self.outcome(output_seconds, largest_overlap));
                 }
                 frame += 1;
             }
-            self.count(h, forced)?;
-            self.accept(h);
+            self.count(step)?;
+            self.accept(reached);
             self.dynamics.commit(extremes);
-            if self.frame_time(frame) <= self.t {
-                let state = std::mem::take(&mut self.y);
-                show(&mut self, reached, &state)?;
-                self.y = state;
+            if self.frame_time(frame) <= reached {
+                let state = std::mem::take(&mut self.anchor.y);
+                let dissipated = self.dissipated;
+                show(&mut self, reached, &state, dissipated)?;
+                self.anchor.y = state;
                 if reached >= self.t_end {
                     return Ok(self.outcome(output_seconds, largest_overlap));
                 }
@@ -273,37 +300,60 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         if t < self.t_end - 1e-9 * self.interval { t } else { self.t_end }
     }
 
-    /// Tries steps from the last accepted state until one can stand; its result is in `next`. Returns its size (s) and
-    /// whether it stands only because it could not be smaller. Collective.
-    fn find_step(&mut self) -> Result<(f64, bool), Error> {
+    /// A first step at which an Euler step would change the slope by about as much as the state (E. Hairer, S. P. Norsett,
+    /// G. Wanner, Solving ODEs I, II.4), at most the scene's `initial_step`. Collective.
+    fn find_first_step(&mut self) {
+        let weights = self.norm.weights;
+        let mut slope = [self.anchor.slope.iter().map(|f| f.magnitude(&weights)).fold(0.0, larger)];
+        self.comm.max(&mut slope);
+        // One hundredth of what the scales are: a radius, a velocity scale.
+        let guess = 0.01 / slope[0];
+        if guess < self.h {
+            self.h = self.control.clamp(guess);
+        }
+    }
+
+    /// Tries steps from the last accepted state until one can stand; its result is in `trial`. Collective.
+    fn find_step(&mut self) -> Result<Step, Error> {
         loop {
-            if self.dynamics.will_outrun(self.h.min(self.dynamics.step_limit())) {
-                self.rebuild()?;
+            self.counts.rhs += self.integrator.prepare(&mut self.dynamics, &mut self.anchor);
+            let (mut h, mut limit) = (self.h, self.limit);
+            let stable = self.integrator.stable_step();
+            let mut cut = |most: f64, by: Limit| {
+                if most < h {
+                    (h, limit) = (most, by);
+                }
+            };
+            cut(stable, Limit::Stability);
+            cut(self.dynamics.step_limit(), Limit::Travel);
+            let h = self.control.clamp(h);
+            if self.dynamics.will_outrun(h) {
+                self.dynamics.rebuild(&mut self.anchor)?;
             }
-            let h = self.rule.clamp(self.h.min(self.dynamics.step_limit()));
             let verdict = self.attempt(h);
             if !verdict.covered && !self.dynamics.lists_are_fresh() {
                 // Stale lists say nothing about the step: the same again with fresh ones.
                 self.counts.outrun += 1;
-                self.rebuild()?;
-                self.h = h;
+                self.dynamics.rebuild(&mut self.anchor)?;
+                (self.h, self.limit) = (h, limit);
                 continue;
             }
             if !verdict.within_travel || !verdict.covered {
                 self.counts.outrun += 1;
                 self.fail_if_impossible(h, verdict)?;
-                self.h = self.rule.clamp(0.5 * h);
+                (self.h, self.limit) = (self.control.clamp(0.5 * h), Limit::Travel);
                 continue;
             }
-            let decision = self.rule.judge(h, verdict.error);
-            self.h = decision.next;
+            let decision = self.control.judge(h, verdict.error, self.integrator.error_order());
+            (self.h, self.limit) = (decision.next, decision.limit);
             if decision.accept {
-                if self.t + h == self.t {
+                if self.anchor.t + h == self.anchor.t {
                     return Err(self.no_step(h));
                 }
-                return Ok((h, decision.forced));
+                return Ok(Step { h, forced: decision.forced, limit });
             }
             self.counts.rejected += 1;
+            self.integrator.rejected();
             if verdict.error == f64::INFINITY {
                 self.fail_if_impossible(h, verdict)?;
             }
@@ -312,26 +362,38 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
 
     /// One trial step from the last accepted state. Collective.
     fn attempt(&mut self, h: f64) -> Verdict {
-        self.counts.rhs += self.stepper.cost();
-        self.stepper.attempt(&mut self.dynamics, self.t, h, &self.y, &mut self.next)
+        let verdict =
+            self.integrator.attempt(&mut self.dynamics, &mut self.anchor, h, &self.norm, &mut self.trial);
+        self.counts.rhs += self.trial.evaluations;
+        verdict
     }
 
-    /// Takes a step of its own, a `share` of the accepted step `h` (s) with the given `result`, from the last accepted
-    /// state to a frame; its result is in `next`. Returns false, and nothing else, if the lists are too old for it.
-    /// Collective.
-    fn step_aside(&mut self, share: f64, h: f64, result: &[Motion<W>]) -> bool {
+    /// The state at a `share` of the accepted step `h` (s), and the energy lost on the way there, J: from inside the step
+    /// if the method knows, else by a step of its own from the last accepted state. None if the lists are too old for
+    /// that. Collective.
+    fn frame_inside(&mut self, share: f64, h: f64) -> Option<(Vec<Motion<W>>, Losses)> {
+        if let Some(state) = self.integrator.inside(share, h, &self.anchor, &self.trial) {
+            let (start, end) = (self.anchor.losses, self.trial.losses);
+            let lost = [0, 1].map(|k| {
+                let rest = 1.0 - share;
+                share * share * (1.0 + 2.0 * rest) * self.trial.lost[k]
+                    + h * share * rest * (rest * start[k] - share * end[k])
+            });
+            return Some((state, lost));
+        }
+        let step = std::mem::take(&mut self.trial);
         let verdict = self.attempt(share * h);
+        let aside = std::mem::replace(&mut self.trial, step);
         if !verdict.covered && !self.dynamics.lists_are_fresh() {
-            return false;
+            return None;
         }
         if verdict.covered && verdict.error < f64::INFINITY {
-            return true;
+            return Some((aside.next, aside.lost));
         }
         // The frame's stages meet something that those of the step did not, such as two centres that pass through each
         // other at this very moment: the parabola through the start, its slope and the result of the step is finite.
-        let (y, slopes) = (&self.y, self.stepper.slope(0));
-        self.next.clear();
-        self.next.extend(y.iter().zip(slopes).zip(result).map(|((y, slope), result)| {
+        let ends = self.anchor.y.iter().zip(&self.anchor.slope).zip(&self.trial.next);
+        let state = ends.map(|((y, slope), result)| {
             let mut bend = *result;
             bend.add_scaled(-1.0, y);
             bend.add_scaled(-h, slope);
@@ -339,93 +401,107 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             state.add_scaled(share * h, slope);
             state.add_scaled(share * share, &bend);
             state
-        }));
-        true
+        });
+        Some((state.collect(), self.trial.lost.map(|lost| share * lost)))
     }
 
-    /// The step `h` (s) stands.
-    fn accept(&mut self, h: f64) {
-        std::mem::swap(&mut self.y, &mut self.next);
-        self.t += h;
-        self.stepper.forget();
-    }
-
-    fn rebuild(&mut self) -> Result<(), Error> {
-        self.stepper.forget();
-        self.dynamics.rebuild(&mut self.y, self.t)
+    /// The trial stands and ends at time `t` (s).
+    fn accept(&mut self, t: f64) {
+        let (anchor, trial) = (&mut self.anchor, &mut self.trial);
+        std::mem::swap(&mut anchor.y, &mut trial.next);
+        std::mem::swap(&mut anchor.slope, &mut trial.slope);
+        (anchor.t, anchor.slope_known, anchor.losses) = (t, trial.slope_known, trial.losses);
+        crate::ode::add_losses(&mut self.dissipated, 1.0, &trial.lost);
+        self.integrator.accepted(self.last);
     }
 
     /// A trial with step `h` (s) led nowhere: that is final if the state itself has no finite right-hand side or the
     /// step cannot be smaller. Collective.
     fn fail_if_impossible(&mut self, h: f64, verdict: Verdict) -> Result<(), Error> {
-        let broken = self.broken_stage();
-        if broken != Some(0) && h > self.rule.min_step {
+        if self.start_is_broken() {
+            return Err(self.unbearable_start());
+        }
+        if h > self.control.min_step {
             return Ok(());
         }
-        if let Some(s) = broken {
-            return Err(self.unbearable(s, h));
+        // The same again, to see where it breaks.
+        self.dynamics.watch();
+        self.integrator.attempt(&mut self.dynamics, &mut self.anchor, h, &self.norm, &mut self.trial);
+        if let Some((t, state, slope)) = self.dynamics.broken() {
+            return Err(self.unbearable(t, &state, &slope));
         }
         if verdict.within_travel {
             return Err(self.no_step(h));
         }
-        let start = self.stepper.slope(0);
-        let i = self.dynamics.worst(|i| start[i].x.norm() + h * start[i].v.norm());
-        Err(Error::TooFast { t: self.t, h, i, travel: self.dynamics.travel() })
+        let y = &self.anchor.y;
+        let i = self.dynamics.worst(|i| y[i].v.norm());
+        Err(Error::TooFast { t: self.anchor.t, h, i, travel: self.dynamics.travel() })
     }
 
-    /// Why the right-hand side in stage `s` of the last trial, with step `h` (s), is not finite. Collective.
-    fn unbearable(&mut self, s: usize, h: f64) -> Error {
-        let state = self.stepper.stage(s, h, &self.y);
-        let t = self.t + self.stepper.tableau().c[s] * h;
-        self.dynamics.explain(&state, t).unwrap_or_else(|| {
-            let i = self.dynamics.worst(|i| self.stepper.slope(s)[i].max_abs());
+    /// Whether the right-hand side at the last accepted state is not finite. Collective.
+    fn start_is_broken(&self) -> bool {
+        let mut steepest = [self.anchor.slope.iter().map(Linear::max_abs).fold(0.0, larger)];
+        self.comm.max(&mut steepest);
+        steepest[0] == f64::INFINITY
+    }
+
+    fn unbearable_start(&mut self) -> Error {
+        let (y, slope) = (self.anchor.y.clone(), self.anchor.slope.clone());
+        self.unbearable(self.anchor.t, &y, &slope)
+    }
+
+    /// Why the right-hand side `slope` at `state` and time `t` (s) is not finite. Collective.
+    fn unbearable(&mut self, t: f64, state: &[Motion<W>], slope: &[Motion<W>]) -> Error {
+        self.dynamics.explain(state, t).unwrap_or_else(|| {
+            let i = self.dynamics.worst(|i| slope[i].max_abs());
             Error::Acceleration { i, t }
         })
     }
 
-    /// The first stage of the last trial whose right-hand side is not finite, if any. Collective.
-    fn broken_stage(&self) -> Option<usize> {
-        let steepest = |s: usize| self.stepper.slope(s).iter().map(Linear::max_abs).fold(0.0, larger);
-        let mut steepest: Vec<f64> = (0..self.stepper.tableau().stages()).map(steepest).collect();
-        self.comm.max(&mut steepest);
-        steepest.iter().position(|&slope| slope == f64::INFINITY)
-    }
-
     fn no_step(&self, h: f64) -> Error {
-        let i = self.limiting_particle();
-        Error::NoStep { t: self.t, h, min_step: self.rule.min_step, i }
+        let i = self.limiting_particle(h);
+        Error::NoStep { t: self.anchor.t, h, min_step: self.control.min_step, i }
     }
 
-    /// The particle with the largest error in the last trial. Collective.
-    fn limiting_particle(&self) -> u64 {
-        self.dynamics.worst(|i| self.stepper.error_of(i))
+    /// The particle with the largest error in the last trial, of step `h` (s). Collective.
+    fn limiting_particle(&self, h: f64) -> u64 {
+        let error = |i: usize| self.integrator.error_of(i, h, &self.norm, &self.anchor, &self.trial);
+        self.dynamics.worst(error)
     }
 
-    /// Counts a step `h` (s) that stands, and ends the run when those that stand only because they are the smallest
-    /// prevail. Collective.
-    fn count(&mut self, h: f64, forced: bool) -> Result<(), Error> {
+    /// Counts a step that stands, and ends the run when those that stand only because they are the smallest prevail.
+    /// Collective.
+    fn count(&mut self, Step { h, forced, limit }: Step) -> Result<(), Error> {
         self.last = h;
         self.counts.accepted += 1;
         self.counts.forced += u64::from(forced);
+        let index = Limit::ALL.iter().position(|&other| other == limit);
+        self.counts.limits[index.expect("all limits are listed")] += 1;
         self.forced_in_a_row = if forced { self.forced_in_a_row + 1 } else { 0 };
         let accepted = self.counts.accepted;
         let prevail = accepted > FORCED_GRACE && self.counts.forced * 100 > accepted;
         if forced && (self.forced_in_a_row >= FORCED_IN_A_ROW || prevail) {
             return Err(Error::BelowRoundOff {
-                tolerance: self.rule.tolerance,
+                tolerance: self.control.tolerance,
                 forced: self.counts.forced,
                 accepted,
-                t: self.t,
+                t: self.anchor.t,
                 h,
-                min_step: self.rule.min_step,
-                i: self.limiting_particle(),
+                min_step: self.control.min_step,
+                i: self.limiting_particle(h),
             });
         }
         Ok(())
     }
 
     /// Hands the state at time `t` (s) to the observer. Returns the largest overlap, m. Collective.
-    fn show(&mut self, t: f64, state: &[Motion<W>], observer: &mut dyn Observer<W>) -> Result<f64, Error> {
+    fn show(
+        &mut self,
+        t: f64,
+        state: &[Motion<W>],
+        dissipated: Losses,
+        observer: &mut dyn Observer<W>,
+    ) -> Result<f64, Error> {
         let dynamics = &mut self.dynamics;
         self.counts.pairs = dynamics.pair_evaluations();
         self.counts.rebuilds = dynamics.rebuilds();
@@ -439,6 +515,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             potential_energy,
             largest_overlap,
             bed_height: dynamics.bed_height(state),
+            dissipated,
             first: rows::block(dynamics.count(), self.comm.rank(), self.comm.size()).start,
             rows: &rows,
         })?;
@@ -446,15 +523,34 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     }
 
     fn outcome(&self, output_seconds: f64, largest_overlap: f64) -> Outcome {
-        let states = self.y.capacity() * (self.stepper.tableau().stages() + 3);
+        // Anchor: state, slope and direction; trial: result and slope.
+        let states = self.anchor.y.capacity() * (self.integrator.vectors() + 5);
         Outcome {
             counts: self.counts,
             clocks: self.dynamics.clocks,
             output_seconds,
             seconds: self.started.elapsed().as_secs_f64(),
             largest_overlap,
+            choice: self.integrator.report(),
             bytes: self.dynamics.bytes() + states * size_of::<Motion<W>>(),
             ghosts: self.dynamics.ghosts(),
         }
     }
+}
+
+/// How errors are measured and steps sized, for velocities compared with `scale` (m/s).
+fn error_control(scene: &Scene, scale: f64) -> (Norm, StepControl) {
+    let (solver, r) = (&scene.solver, scene.particles.radius);
+    let paper = solver.norm == crate::scene::PAPER_NORM;
+    let scaled = Weights { x: 1.0 / r, v: 1.0 / scale, omega: r / scale };
+    let norm = Norm { weights: if paper { Weights::MIXED } else { scaled }, rate: paper };
+    let control = match solver.step {
+        Some(step) => StepControl::new(StepRule::Fixed, 1.0, step, step),
+        None => {
+            let rule = if paper { StepRule::Published } else { StepRule::ProportionalIntegral };
+            let tolerance = solver.tolerance.unwrap_or(crate::scene::DEFAULT_TOLERANCE);
+            StepControl::new(rule, tolerance, solver.min_step, solver.max_step)
+        }
+    };
+    (norm, control)
 }

@@ -86,6 +86,23 @@ fn origin(scene: &Scene) -> String {
     }
 }
 
+/// The speed that errors of velocity are compared with in the scaled norm, m/s: `solver.velocity_scale`; else the speed
+/// of a fall from half a radius, sqrt(g r); without gravity the largest speed of a surface at the start; and where all
+/// is at rest the speed that a contact at F_0 gives, sqrt(F_0/(kappa m)).
+pub fn velocity_scale(scene: &Scene, start: &Start) -> f64 {
+    let r = scene.particles.radius;
+    let length = |vector: &[f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let speeds = start.v.iter().zip(&start.omega).map(|(v, omega)| length(v) + r * length(omega));
+    let contact = &scene.contact;
+    let candidates = [
+        (length(&scene.gravity) * r).sqrt(),
+        speeds.fold(0.0, f64::max),
+        (contact.repulsion_at_contact / (contact.stiffness_exponent * scene.particles.mass)).sqrt(),
+    ];
+    let found = candidates.into_iter().find(|&speed| speed > 0.0 && speed.is_finite());
+    scene.solver.velocity_scale.or(found).unwrap_or(1.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -67,18 +67,26 @@ impl Census {
 }
 
 /// Mixes the bits of an id (the finaliser of SplitMix64), so that errors do not cancel in a sum.
-fn scramble(id: u64) -> u64 {
+pub fn scramble(id: u64) -> u64 {
     let mut z = id.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
 
-/// Sends every particle to the owner of its height and sorts what this rank owns by id. Collective.
-pub fn migrate<W: Spin>(comm: &dyn Comm, slabs: &Slabs, ids: &mut Vec<u64>, y: &mut Vec<Motion<W>>) {
+/// Sends every particle to the owner of its height and sorts what this rank owns by id. `y` decides; each list of
+/// `companions`, as long as `y`, moves along. Collective.
+pub fn migrate<W: Spin>(
+    comm: &dyn Comm,
+    slabs: &Slabs,
+    ids: &mut Vec<u64>,
+    y: &mut Vec<Motion<W>>,
+    companions: &mut [&mut Vec<Motion<W>>],
+) {
     if comm.size() > 1 {
         let owners: Vec<usize> = y.iter().map(|body| slabs.owner(body.x.z)).collect();
-        let width = 1 + Motion::<W>::COMPONENTS;
+        let components = Motion::<W>::COMPONENTS;
+        let width = 1 + components * (1 + companions.len());
         let mut counts = vec![0; comm.size()];
         owners.iter().filter(|&&q| q != comm.rank()).for_each(|&q| counts[q] += width as u64);
         let mut incoming = Parcels::with_counts(&comm.transpose(&counts));
@@ -88,24 +96,39 @@ pub fn migrate<W: Spin>(comm: &dyn Comm, slabs: &Slabs, ids: &mut Vec<u64>, y: &
         for (slots, &i) in outgoing.data.chunks_exact_mut(width).zip(&leaving) {
             // Ids travel as numbers: exact below 2^53.
             slots[0] = ids[i] as f64;
-            y[i].pack(&mut slots[1..]);
+            let (own, others) = slots[1..].split_at_mut(components);
+            y[i].pack(own);
+            for (slots, list) in others.chunks_exact_mut(components).zip(companions.iter()) {
+                list[i].pack(slots);
+            }
         }
         comm.exchange(&outgoing, &mut incoming);
-        let mut stays = owners.iter().map(|&q| q == comm.rank());
-        ids.retain(|_| stays.next().unwrap_or(true));
-        let mut stays = owners.iter().map(|&q| q == comm.rank());
-        y.retain(|_| stays.next().unwrap_or(true));
+        let keep = |i: usize| owners[i] == comm.rank();
+        retain(ids, keep);
+        retain(y, keep);
+        companions.iter_mut().for_each(|list| retain(list, keep));
         for slots in incoming.data.chunks_exact(width) {
             ids.push(slots[0] as u64);
-            y.push(Motion::unpack(&slots[1..]));
+            let (own, others) = slots[1..].split_at(components);
+            y.push(Motion::unpack(own));
+            for (slots, list) in others.chunks_exact(components).zip(companions.iter_mut()) {
+                list.push(Motion::unpack(slots));
+            }
         }
     }
     if !ids.is_sorted() {
         let mut order: Vec<usize> = (0..ids.len()).collect();
         order.sort_unstable_by_key(|&i| ids[i]);
         *y = order.iter().map(|&i| y[i]).collect();
+        companions.iter_mut().for_each(|list| **list = order.iter().map(|&i| list[i]).collect());
         ids.sort_unstable();
     }
+}
+
+/// Keeps the items whose index passes.
+fn retain<T>(list: &mut Vec<T>, keep: impl Fn(usize) -> bool) {
+    let mut index = 0..;
+    list.retain(|_| index.next().is_none_or(&keep));
 }
 
 #[cfg(test)]
@@ -134,7 +157,9 @@ mod tests {
                 assert_eq!(census.count(), 200);
                 let mut slabs = Slabs::new(ranks);
                 slabs.balance(comm, y.iter().map(|body| body.x.z));
-                migrate(comm, &slabs, &mut ids, &mut y);
+                let mut twins = y.clone();
+                migrate(comm, &slabs, &mut ids, &mut y, &mut [&mut twins]);
+                assert_eq!(twins, y);
                 assert_eq!(census.check(comm, &ids, 0.0), Ok(()));
                 assert!(ids.is_sorted());
                 assert!(y.iter().all(|body| slabs.owner(body.x.z) == comm.rank()));

@@ -1,4 +1,53 @@
-//! The step rule of the paper's solver: a pure function of error and step.
+//! Accepts and sizes steps: a function of the errors and steps so far, the same on every rank.
+
+/// What decided the size of a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limit {
+    /// The tolerance.
+    Error,
+    /// It may not grow faster, or not at all after a rejection.
+    Growth,
+    /// The method would be unstable.
+    Stability,
+    /// A particle would move further than a step or its lists allow.
+    Travel,
+    /// `solver.max_step`, or `solver.step`.
+    Maximum,
+    /// `solver.min_step`.
+    Minimum,
+    /// The first step of the run.
+    First,
+    /// The end of the run.
+    End,
+}
+
+impl Limit {
+    /// All of them, in the order in which they are reported.
+    pub const ALL: [Limit; 8] = [
+        Limit::Error,
+        Limit::Growth,
+        Limit::Stability,
+        Limit::Travel,
+        Limit::Maximum,
+        Limit::Minimum,
+        Limit::First,
+        Limit::End,
+    ];
+
+    /// Name in the summary.
+    pub fn name(self) -> &'static str {
+        match self {
+            Limit::Error => "error",
+            Limit::Growth => "growth",
+            Limit::Stability => "stability",
+            Limit::Travel => "travel",
+            Limit::Maximum => "maximum",
+            Limit::Minimum => "minimum",
+            Limit::First => "first",
+            Limit::End => "end",
+        }
+    }
+}
 
 /// What to do with a trial step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -9,36 +58,97 @@ pub struct Decision {
     pub forced: bool,
     /// Proposal for the next trial, s; within the limits of the rule.
     pub next: f64,
+    /// What decided that proposal.
+    pub limit: Limit,
+}
+
+/// How the next step follows from errors.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum StepRule {
+    /// The paper's: 0.8 (tolerance/error)^(1/order), within 0.1..5; 2 without any error.
+    Published,
+    /// A proportional-integral rule: also the error before counts, so that steps settle instead of alternating.
+    /// K. Gustafsson, ACM TOMS 17 (1991) 533; the exponents are those of E. Hairer, G. Wanner, Solving ODEs II, IV.2.
+    ProportionalIntegral,
+    /// No error estimate: the step stays.
+    Fixed,
 }
 
 /// Accepts and sizes steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StepRule {
-    /// Tolerance delta: a bound on the error rate of the method.
+pub struct StepControl {
+    /// The rule.
+    pub rule: StepRule,
+    /// A step stands if its error is less.
     pub tolerance: f64,
-    /// Power of (tolerance/error), from the method.
-    pub exponent: f64,
     /// Smallest step, s: a finite error is accepted there.
     pub min_step: f64,
     /// Largest step, s.
     pub max_step: f64,
+    /// Error over tolerance and size (s) of the last step that stood.
+    pub before: Option<(f64, f64)>,
+    /// The trial before was rejected.
+    pub rejected: bool,
 }
 
-impl StepRule {
-    /// Judges a step `h` (s) with the given error (not NaN; +infinity: something was not finite).
-    /// The factor is 0.8 (tolerance/error)^exponent within 0.1..5, and 2 without any error.
-    pub fn judge(&self, h: f64, error: f64) -> Decision {
+/// Largest growth of a step.
+const GROWTH: f64 = 5.0;
+/// Smallest factor.
+const SHRINKAGE: f64 = 0.1;
+
+impl StepControl {
+    /// Nothing has happened yet.
+    pub fn new(rule: StepRule, tolerance: f64, min_step: f64, max_step: f64) -> Self {
+        StepControl { rule, tolerance, min_step, max_step, before: None, rejected: false }
+    }
+
+    /// Judges a step `h` (s) with the given error (not NaN; +infinity: something was not finite) of a method whose error
+    /// shrinks as h to the power `order`.
+    pub fn judge(&mut self, h: f64, error: f64, order: f64) -> Decision {
         if error == f64::INFINITY {
-            return Decision { accept: false, forced: false, next: self.clamp(0.25 * h) };
+            self.rejected = true;
+            return self.decision(false, false, 0.25 * h, Limit::Error);
         }
         let met = error < self.tolerance;
-        let factor = if error == 0.0 {
-            2.0
-        } else {
-            (0.8 * (self.tolerance / error).powf(self.exponent)).clamp(0.1, 5.0)
-        };
         let forced = !met && h <= self.min_step;
-        Decision { accept: met || forced, forced, next: self.clamp(factor * h) }
+        let (factor, limit) = match self.rule {
+            StepRule::Fixed => (1.0, Limit::Maximum),
+            StepRule::Published if error == 0.0 => (2.0, Limit::Growth),
+            StepRule::Published => bounded(0.8 * (self.tolerance / error).powf(1.0 / order), GROWTH),
+            StepRule::ProportionalIntegral => self.proportional_integral(h, error / self.tolerance, met, order),
+        };
+        if met || forced {
+            self.before = Some(((error / self.tolerance).max(1e-8), h));
+        }
+        self.rejected = !met;
+        self.decision(met || forced, forced, factor * h, limit)
+    }
+
+    fn proportional_integral(&self, h: f64, error: f64, met: bool, order: f64) -> (f64, Limit) {
+        const SAFE: f64 = 0.8;
+        let plain = SAFE * error.powf(-1.0 / order);
+        if !met {
+            return bounded(plain.min(0.9), 1.0);
+        }
+        let factor = match self.before {
+            // What the error did from the last step to this one, it will do again.
+            Some((before, h_before)) if error > 1e-8 => {
+                plain.min(plain * (h / h_before) * (before / error).powf(1.0 / order))
+            }
+            _ => plain,
+        };
+        // A step that was rejected before it stood says that growth must wait.
+        bounded(factor, if self.rejected { 1.0 } else { GROWTH })
+    }
+
+    fn decision(&self, accept: bool, forced: bool, h: f64, limit: Limit) -> Decision {
+        let next = self.clamp(h);
+        let limit = match next {
+            next if next < h => Limit::Maximum,
+            next if next > h => Limit::Minimum,
+            _ => limit,
+        };
+        Decision { accept, forced, next, limit }
     }
 
     /// The step within its limits, s.
@@ -47,37 +157,7 @@ impl StepRule {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const RULE: StepRule = StepRule { tolerance: 0.1, exponent: 0.2, min_step: 1e-9, max_step: 0.5 };
-
-    #[test]
-    fn a_step_is_accepted_below_the_tolerance_only() {
-        assert!(RULE.judge(1e-3, 0.099).accept);
-        assert!(!RULE.judge(1e-3, 0.1).accept);
-        assert!(!RULE.judge(1e-3, f64::INFINITY).accept);
-    }
-
-    #[test]
-    fn the_factor_follows_the_published_rule_within_limits() {
-        let factor = |error| RULE.judge(1e-3, error).next / 1e-3;
-        assert_eq!(factor(0.0), 2.0);
-        assert!((factor(0.1) - 0.8).abs() < 1e-15);
-        assert!((factor(0.1 / 32.0) - 1.6).abs() < 1e-12);
-        assert!((factor(1e-30) - 5.0).abs() < 1e-12);
-        assert!((factor(1e30) - 0.1).abs() < 1e-12);
-        assert!((factor(f64::INFINITY) - 0.25).abs() < 1e-15);
-    }
-
-    #[test]
-    fn steps_stay_within_their_limits() {
-        assert_eq!(RULE.judge(0.4, 0.0).next, 0.5);
-        let smallest = RULE.judge(1e-9, 5.0);
-        assert!(smallest.accept && smallest.forced);
-        assert_eq!(smallest.next, 1e-9);
-        assert!(!RULE.judge(1e-9, f64::INFINITY).accept);
-        assert!(!RULE.judge(1e-9, 0.01).forced);
-    }
+/// A factor within its limits, and what set it.
+fn bounded(factor: f64, most: f64) -> (f64, Limit) {
+    if factor > most { (most, Limit::Growth) } else { (factor.max(SHRINKAGE), Limit::Error) }
 }

@@ -1,13 +1,35 @@
-//! Explicit methods for y' = f(t, y) with adaptive steps. Knows neither particles nor ranks: the problem evaluates f
-//! and agrees on the outcome of a trial step.
+//! Explicit methods for y' = f(t, y) with adaptive steps. Knows neither particles nor ranks: the problem evaluates f,
+//! measures errors and agrees on the outcome of a trial step.
 
+pub mod chebyshev;
 pub mod controller;
-pub mod step;
+pub mod runge_kutta;
+pub mod spectral;
 pub mod tableau;
+pub mod verlet;
 
-pub use controller::{Decision, StepRule};
-pub use step::Stepper;
-pub use tableau::{MERSON, Tableau};
+pub use chebyshev::Chebyshev;
+pub use controller::{Decision, Limit, StepControl, StepRule};
+pub use runge_kutta::RungeKutta;
+pub use spectral::SpectralRadius;
+pub use tableau::{DORMAND_PRINCE, MERSON, Tableau};
+pub use verlet::Verlet;
+
+/// What the parts of a state are divided by before they are compared with a tolerance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weights {
+    /// For positions, 1/m.
+    pub x: f64,
+    /// For velocities, s/m.
+    pub v: f64,
+    /// For angular velocities, s.
+    pub omega: f64,
+}
+
+impl Weights {
+    /// Metres, metres a second and radians a second count alike.
+    pub const MIXED: Weights = Weights { x: 1.0, v: 1.0, omega: 1.0 };
+}
 
 /// A vector space element: the state of one particle.
 pub trait Linear: Copy + Send + Sync {
@@ -15,8 +37,17 @@ pub trait Linear: Copy + Send + Sync {
     fn zero() -> Self;
     /// Adds `s * other`.
     fn add_scaled(&mut self, s: f64, other: &Self);
-    /// Largest component by magnitude; NaN becomes +infinity.
-    fn max_abs(&self) -> f64;
+    /// Largest weighted component by magnitude; NaN becomes +infinity.
+    fn magnitude(&self, weights: &Weights) -> f64;
+    /// Adds `h * slope` to the velocities alone.
+    fn kick(&mut self, h: f64, slope: &Self);
+    /// Adds `h` times the own velocity to the position.
+    fn drift(&mut self, h: f64);
+
+    /// Largest component by magnitude, whatever its unit; NaN becomes +infinity.
+    fn max_abs(&self) -> f64 {
+        self.magnitude(&Weights::MIXED)
+    }
 }
 
 /// What all ranks know after a trial step.
@@ -38,8 +69,167 @@ pub trait Ivp {
     fn begin(&mut self, y: &[Self::State]);
     /// dy/dt at time `t` (s) and state `y`; both slices hold the owned particles. Collective.
     fn rhs(&mut self, t: f64, y: &[Self::State], dydt: &mut [Self::State]);
+    /// Power lost in the last right-hand side by rebound and by friction, W; zero where nobody asked for it.
+    fn losses(&self) -> Losses {
+        [0.0; 2]
+    }
     /// Ends the trial that `begin` started with the result `next`: the local `error` becomes everybody's. Collective.
     fn agree(&mut self, error: f64, next: &[Self::State]) -> Verdict;
+    /// Length of a vector of the state space over all ranks, in a norm in which the stiff part of f is close to
+    /// symmetric; velocities dominate it. Collective.
+    fn length(&mut self, v: &[Self::State]) -> f64;
+    /// A vector of about length 1 with a bit of every direction, a function of the particles' ids and of `round` alone.
+    fn any_direction(&mut self, round: u64, v: &mut Vec<Self::State>);
+    /// A length (in the norm of `length`) over which f is close to linear, and yet well above round-off.
+    fn small_length(&self) -> f64;
+}
+
+/// Power (W) or energy (J) lost by rebound and by friction.
+pub type Losses = [f64; 2];
+
+/// Adds `s * other`.
+pub(crate) fn add_losses(sum: &mut Losses, s: f64, other: &Losses) {
+    sum[0] += s * other[0];
+    sum[1] += s * other[1];
+}
+
+/// Where a step starts, and all that belongs to it: what moves along when particles change their places in memory.
+#[derive(Debug, Clone)]
+pub struct Anchor<S> {
+    /// Time, s.
+    pub t: f64,
+    /// Last accepted state of the owned particles.
+    pub y: Vec<S>,
+    /// f there (of velocity Verlet: at the last half step); of no use unless `slope_known`.
+    pub slope: Vec<S>,
+    /// Whether `slope` is f.
+    pub slope_known: bool,
+    /// Losses in `slope`, W.
+    pub losses: Losses,
+    /// The stiffest direction, as far as it is known; empty where nobody asked.
+    pub direction: Vec<S>,
+}
+
+impl<S: Linear> Anchor<S> {
+    /// At `y` at time `t` (s).
+    pub fn new(t: f64, y: Vec<S>) -> Self {
+        Anchor { t, y, slope: Vec::new(), slope_known: false, losses: [0.0; 2], direction: Vec::new() }
+    }
+
+    /// Evaluates f unless it is known; returns the number of right-hand sides that took. Collective.
+    pub fn find_slope<P: Ivp<State = S>>(&mut self, ivp: &mut P) -> u64 {
+        if self.slope_known {
+            return 0;
+        }
+        self.slope.resize(self.y.len(), S::zero());
+        ivp.rhs(self.t, &self.y, &mut self.slope);
+        self.losses = ivp.losses();
+        self.slope_known = true;
+        1
+    }
+}
+
+/// The result of a trial step.
+#[derive(Debug, Clone)]
+pub struct Trial<S> {
+    /// State at its end.
+    pub next: Vec<S>,
+    /// f at its end, if the method knows it.
+    pub slope: Vec<S>,
+    /// Whether `slope` is f.
+    pub slope_known: bool,
+    /// Losses in `slope`, W.
+    pub losses: Losses,
+    /// Energy lost in the step by rebound and by friction, J.
+    pub lost: Losses,
+    /// Right-hand sides that the trial took.
+    pub evaluations: u64,
+}
+
+impl<S> Default for Trial<S> {
+    fn default() -> Self {
+        Trial {
+            next: Vec::new(),
+            slope: Vec::new(),
+            slope_known: false,
+            losses: [0.0; 2],
+            lost: [0.0; 2],
+            evaluations: 0,
+        }
+    }
+}
+
+impl<S: Linear> Trial<S> {
+    /// Room for `n` particles.
+    fn reset(&mut self, n: usize) {
+        self.next.resize(n, S::zero());
+        self.slope.resize(n, S::zero());
+        self.slope_known = false;
+        self.lost = [0.0; 2];
+        self.evaluations = 0;
+    }
+}
+
+/// How the error of a step is measured.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Norm {
+    /// Scales of the state.
+    pub weights: Weights,
+    /// The paper's: 3/h times the local error, which is the published rate of Merson's method; otherwise the local
+    /// error itself.
+    pub rate: bool,
+}
+
+/// A method that takes one step.
+pub trait Method<P: Ivp> {
+    /// Name in the scene file.
+    fn name(&self) -> &'static str;
+    /// The error of a step shrinks as h to this power.
+    fn error_order(&self) -> f64;
+    /// Takes a trial step `h` (s) from `anchor` and leaves the result in `trial`. Collective.
+    fn attempt(
+        &mut self,
+        ivp: &mut P,
+        anchor: &mut Anchor<P::State>,
+        h: f64,
+        norm: &Norm,
+        trial: &mut Trial<P::State>,
+    ) -> Verdict;
+    /// The largest step (s) that is stable from `anchor`, as far as the method knows; infinite if its error tells.
+    /// May evaluate right-hand sides, whose number it returns. Collective.
+    fn stable_step(&mut self, _ivp: &mut P, _anchor: &mut Anchor<P::State>) -> (f64, u64) {
+        (f64::INFINITY, 0)
+    }
+    /// The last trial was rejected for its error.
+    fn rejected(&mut self) {}
+    /// The state of owned particle `i` at a `share` of the last trial, a step `h` (s) that stands, if the method has a
+    /// dense output.
+    fn inside(
+        &self,
+        _share: f64,
+        _h: f64,
+        _anchor: &Anchor<P::State>,
+        _trial: &Trial<P::State>,
+        _i: usize,
+    ) -> Option<P::State> {
+        None
+    }
+    /// Error of owned particle `i` in the last trial, of step `h` (s).
+    fn error_of(&self, i: usize, h: f64, norm: &Norm, anchor: &Anchor<P::State>, trial: &Trial<P::State>)
+    -> f64;
+    /// State vectors that the method holds beside anchor and trial.
+    fn vectors(&self) -> usize;
+}
+
+/// The cubic through the states and slopes at both ends of a step `h` (s), at a `share` of it.
+pub(crate) fn hermite<S: Linear>(share: f64, h: f64, [y0, f0]: [&S; 2], [y1, f1]: [&S; 2]) -> S {
+    let rest = 1.0 - share;
+    let mut state = S::zero();
+    state.add_scaled(rest * rest * (1.0 + 2.0 * share), y0);
+    state.add_scaled(share * share * (1.0 + 2.0 * rest), y1);
+    state.add_scaled(h * share * rest * rest, f0);
+    state.add_scaled(-h * share * share * rest, f1);
+    state
 }
 
 /// The larger of two magnitudes where NaN counts as +infinity (`f64::max` would drop it).

@@ -290,7 +290,34 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
     Ok(())
 }
 
+/// A fixed step belongs to velocity-verlet, a tolerance to all other methods.
+fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
+    let solver = &scene.solver;
+    let fixed = solver.method == keys::VELOCITY_VERLET;
+    let (key, message) = match (fixed, solver.step, solver.tolerance) {
+        (true, None, _) => (
+            "solver.method",
+            "solver.step is missing: velocity-verlet takes a fixed step in s, e.g. step = 1e-5".to_owned(),
+        ),
+        (true, Some(_), Some(_)) => (
+            "solver.tolerance",
+            "solver.tolerance has no meaning for velocity-verlet, whose step is fixed by solver.step; leave it out"
+                .to_owned(),
+        ),
+        (false, Some(_), _) => (
+            "solver.step",
+            format!(
+                "solver.step is for velocity-verlet alone; the step of {} follows from solver.tolerance",
+                solver.method
+            ),
+        ),
+        _ => return Ok(()),
+    };
+    Err(source.error(source.value(key), &message))
+}
+
 fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
+    fixed_step(source, scene)?;
     let solver = &scene.solver;
     if solver.max_step >= solver.min_step {
         return Ok(());

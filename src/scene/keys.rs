@@ -54,10 +54,13 @@ pub(super) enum Range {
 pub(super) const LARGEST_COUNT: u64 = 1_000_000_000;
 
 /// The time stepping methods there are.
-pub(super) const METHODS: &[&str] = &["merson"];
+pub(super) const METHODS: &[&str] = &["auto", "merson", "dormand-prince", "chebyshev", VELOCITY_VERLET];
+
+/// The method with a fixed step.
+pub(super) const VELOCITY_VERLET: &str = "velocity-verlet";
 
 /// The ways to measure the error of a step there are.
-pub(super) const NORMS: &[&str] = &["paper"];
+pub(super) const NORMS: &[&str] = &["scaled", super::PAPER_NORM];
 
 const fn required(path: &'static str, kind: Kind, meaning: &'static str, example: &'static str) -> Key {
     Key { path, kind, required: true, meaning, example }
@@ -109,15 +112,18 @@ pub(super) const KEYS: &[Key] = &[
              "the slip v_min in m/s below which friction is regularised", "0.01"),
     optional("friction.rotation", Switch, "whether friction turns the spheres", "true"),
 
-    optional("solver.method", Word(METHODS), "the time stepping method", "\"merson\""),
-    optional("solver.tolerance", Number(Positive), "the error tolerance delta", "0.1"),
-    optional("solver.norm", Word(NORMS), "the measure of the error", "\"paper\""),
-    optional("solver.initial_step", Number(Positive), "the first step in s", "0.1"),
+    optional("solver.method", Word(METHODS), "the time stepping method", "\"auto\""),
+    optional("solver.tolerance", Number(Positive), "the error tolerance of a step", "1e-3"),
+    optional("solver.norm", Word(NORMS), "the measure of the error", "\"scaled\""),
+    optional("solver.velocity_scale", Number(Positive), "the speed in m/s that errors of velocity are compared with", "1.0"),
+    optional("solver.step", Number(Positive), "the fixed step of velocity-verlet in s", "1e-5"),
+    optional("solver.initial_step", Number(Positive), "the largest first step in s", "0.1"),
     optional("solver.min_step", Number(Positive), "the smallest step in s", "1e-9"),
     optional("solver.max_step", Number(PositiveOrInfinite), "the largest step in s", "inf"),
 
     optional("output.file", Text, "the path of the output file", "\"settle.vtkhdf\""),
     optional("output.interval", Number(Positive), "the simulated time between frames in s", "0.02"),
+    optional("output.energy", Switch, "whether dissipated energy is integrated and written", "false"),
 ];
 
 /// The keys of a table, `""` being the top of the scene.
@@ -203,7 +209,8 @@ mod tests {
                 text += &format!("[{table}]\n");
             }
             for key in of_table(table) {
-                if !matches!(key.kind, Table) && key.path != "particles.file" {
+                let alternative = ["particles.file", "solver.step"].contains(&key.path);
+                if !matches!(key.kind, Table) && !alternative {
                     text += &format!("{} = {}\n", key.name(), key.example);
                 }
             }
@@ -220,7 +227,7 @@ mod tests {
     fn the_keys_of_the_list_are_the_keys_of_the_structs() {
         let scene = Scene::parse("examples.toml", &scene_of_examples(), &[]).unwrap();
         let resolved: toml::Table = scene.resolved().parse().unwrap();
-        let mut paths = vec!["particles.file".to_owned()];
+        let mut paths = vec!["particles.file".to_owned(), "solver.step".to_owned()];
         fn collect(table: &toml::Table, above: &str, paths: &mut Vec<String>) {
             for (name, value) in table {
                 let path = format!("{above}{name}");

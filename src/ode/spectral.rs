@@ -1,0 +1,122 @@
+//! How stiff the problem is at a state: the spectral radius of df/dy by a power iteration that needs f alone.
+
+use super::{Anchor, Ivp, Linear};
+use crate::parallel::{self, GRAIN};
+
+/// The estimate is multiplied by this: a power iteration approaches from below.
+const SAFETY: f64 = 1.15;
+/// An iteration that changes the estimate by less than this share is the last one.
+const SETTLED: f64 = 0.1;
+/// Iterations at one state at most, with and without a good direction to start from.
+const MOST: [u32; 2] = [3, 12];
+/// Share of every other direction that is mixed in, so that stiffness that comes up elsewhere is found.
+const MIXED_IN: f64 = 0.02;
+
+/// Estimate of the spectral radius along a run.
+pub struct SpectralRadius<S> {
+    estimate: f64,
+    /// Length of the image of a vector of length 1 in the last iteration, 1/s.
+    stretch: f64,
+    doubted: bool,
+    round: u64,
+    stage: Vec<S>,
+    slope: Vec<S>,
+    other: Vec<S>,
+}
+
+impl<S> Default for SpectralRadius<S> {
+    fn default() -> Self {
+        SpectralRadius {
+            estimate: 0.0,
+            stretch: 0.0,
+            doubted: true,
+            round: 0,
+            stage: Vec::new(),
+            slope: Vec::new(),
+            other: Vec::new(),
+        }
+    }
+}
+
+impl<S: Linear> SpectralRadius<S> {
+    /// Upper bound of the spectral radius, as far as it is known, 1/s.
+    pub fn bound(&self) -> f64 {
+        SAFETY * self.estimate
+    }
+
+    /// A step has failed: the next estimate takes more care.
+    pub fn doubt(&mut self) {
+        self.doubted = true;
+    }
+
+    /// State vectors held.
+    pub fn vectors(&self) -> usize {
+        3
+    }
+
+    /// Estimates at `anchor`, whose slope must be known, from the direction found so far, and improves that direction.
+    /// Returns the number of right-hand sides. Collective.
+    pub fn update<P: Ivp<State = S>>(&mut self, ivp: &mut P, anchor: &mut Anchor<S>) -> u64 {
+        let n = anchor.y.len();
+        self.stage.resize(n, S::zero());
+        self.slope.resize(n, S::zero());
+        // Without stiffness before, as in free flight, there is no direction to go on with.
+        let careful = self.doubted || self.stretch == 0.0;
+        self.mix(ivp, &mut anchor.direction);
+        let mut evaluations = 0;
+        for k in 0..MOST[usize::from(careful)] {
+            let length = ivp.length(&anchor.direction);
+            if length == 0.0 || !length.is_finite() {
+                (self.stretch, self.estimate) = (0.0, 0.0);
+                break;
+            }
+            let found = self.apply(ivp, anchor, length);
+            evaluations += 1;
+            let ratio = found / self.stretch;
+            // Of an oscillation every other image is short: the mean of two tells. 0/0 is no oscillation.
+            let steady = !(ratio < 0.5 || ratio > 2.0);
+            self.estimate = if steady || k == 0 { found } else { (found * self.stretch).sqrt() };
+            self.stretch = found;
+            if (ratio - 1.0).abs() <= SETTLED && (k > 0 || !careful) {
+                break;
+            }
+        }
+        self.doubted = false;
+        evaluations
+    }
+
+    /// Puts the image of the direction, divided by its `length`, in its place: the derivative of f along it.
+    /// Returns the length of the image. Collective.
+    fn apply<P: Ivp<State = S>>(&mut self, ivp: &mut P, anchor: &mut Anchor<S>, length: f64) -> f64 {
+        let (small, direction, y) = (ivp.small_length(), &mut anchor.direction, &anchor.y);
+        parallel::for_chunks(&mut self.stage, GRAIN, |start, chunk| {
+            for (k, stage) in chunk.iter_mut().enumerate() {
+                *stage = y[start + k];
+                stage.add_scaled(small / length, &direction[start + k]);
+            }
+        });
+        ivp.rhs(anchor.t, &self.stage, &mut self.slope);
+        let (slope, first) = (&self.slope, &anchor.slope);
+        parallel::for_chunks(direction, GRAIN, |start, chunk| {
+            for (k, direction) in chunk.iter_mut().enumerate() {
+                let mut image = S::zero();
+                image.add_scaled(1.0 / small, &slope[start + k]);
+                image.add_scaled(-1.0 / small, &first[start + k]);
+                *direction = image;
+            }
+        });
+        ivp.length(direction)
+    }
+
+    /// Adds a little of every direction to `direction`; all of it where there is none yet.
+    fn mix<P: Ivp<State = S>>(&mut self, ivp: &mut P, direction: &mut Vec<S>) {
+        self.round += 1;
+        ivp.any_direction(self.round, &mut self.other);
+        if self.stretch == 0.0 {
+            std::mem::swap(direction, &mut self.other);
+            return;
+        }
+        let share = MIXED_IN * self.stretch;
+        direction.iter_mut().zip(&self.other).for_each(|(a, b)| a.add_scaled(share, b));
+    }
+}

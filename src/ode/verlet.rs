@@ -1,0 +1,111 @@
+//! Velocity Verlet with a fixed step, the yardstick of other DEM codes.
+//!
+//! L. Verlet, Phys. Rev. 159 (1967) 98; W. C. Swope et al., J. Chem. Phys. 76 (1982) 637. As in LAMMPS and LIGGGHTS the
+//! forces are evaluated once a step, at the new positions and the velocities of the half step. That is of order 2 where
+//! forces depend on positions alone and of order 1 where they depend on velocities.
+
+use super::{Anchor, Ivp, Linear, Method, Norm, Trial, Verdict, add_losses, larger};
+use crate::parallel::{self, GRAIN};
+
+/// Velocities at the half step.
+pub struct Verlet<S> {
+    half: Vec<S>,
+}
+
+impl<S: Linear> Verlet<S> {
+    /// Buffers follow the number of owned particles.
+    pub fn new() -> Self {
+        Verlet { half: Vec::new() }
+    }
+}
+
+impl<S: Linear> Default for Verlet<S> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<P: Ivp> Method<P> for Verlet<P::State> {
+    fn name(&self) -> &'static str {
+        "velocity-verlet"
+    }
+
+    fn error_order(&self) -> f64 {
+        2.0
+    }
+
+    fn attempt(
+        &mut self,
+        ivp: &mut P,
+        anchor: &mut Anchor<P::State>,
+        h: f64,
+        _norm: &Norm,
+        trial: &mut Trial<P::State>,
+    ) -> Verdict {
+        let n = anchor.y.len();
+        trial.reset(n);
+        self.half.resize(n, P::State::zero());
+        ivp.begin(&anchor.y);
+        trial.evaluations = anchor.find_slope(ivp);
+        let (y, first) = (&anchor.y, &anchor.slope);
+        parallel::for_chunks(&mut self.half, GRAIN, |start, chunk| {
+            for (k, half) in chunk.iter_mut().enumerate() {
+                *half = y[start + k];
+                half.kick(0.5 * h, &first[start + k]);
+                half.drift(h);
+            }
+        });
+        ivp.rhs(anchor.t + h, &self.half, &mut trial.slope);
+        trial.evaluations += 1;
+        (trial.slope_known, trial.losses) = (true, ivp.losses());
+        add_losses(&mut trial.lost, 0.5 * h, &anchor.losses);
+        add_losses(&mut trial.lost, 0.5 * h, &trial.losses);
+        let (half, slope) = (&self.half, &trial.slope);
+        let finish = |start: usize, chunk: &mut [P::State]| {
+            let mut worst = 0.0;
+            for (k, next) in chunk.iter_mut().enumerate() {
+                *next = half[start + k];
+                next.kick(0.5 * h, &slope[start + k]);
+                worst = larger(worst, next.max_abs());
+            }
+            worst
+        };
+        let largest = parallel::chunks(&mut trial.next, GRAIN, finish, 0.0, larger);
+        // There is no estimate of the error: a step stands if it is finite.
+        ivp.agree(if largest < f64::INFINITY { 0.0 } else { f64::INFINITY }, &trial.next)
+    }
+
+    /// Constant acceleration up to the half step: the parabola of the scheme itself.
+    fn inside(
+        &self,
+        share: f64,
+        h: f64,
+        anchor: &Anchor<P::State>,
+        trial: &Trial<P::State>,
+        i: usize,
+    ) -> Option<P::State> {
+        let mut state = anchor.y[i];
+        state.kick(0.5 * share * h, &anchor.slope[i]);
+        state.drift(share * h);
+        let mut mean = P::State::zero();
+        mean.add_scaled(1.0 - share, &anchor.slope[i]);
+        mean.add_scaled(share, &trial.slope[i]);
+        state.kick(0.5 * share * h, &mean);
+        Some(state)
+    }
+
+    fn error_of(
+        &self,
+        i: usize,
+        _h: f64,
+        _norm: &Norm,
+        _anchor: &Anchor<P::State>,
+        trial: &Trial<P::State>,
+    ) -> f64 {
+        trial.next[i].max_abs()
+    }
+
+    fn vectors(&self) -> usize {
+        1
+    }
+}
