@@ -1,0 +1,3 @@
+//! How close the program comes to what is known exactly.
+
+pub mod exact;
