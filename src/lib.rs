@@ -25,6 +25,7 @@
 //! decision. Between steps particles migrate ([`domain::migration`]) and lists are rebuilt. Frames go to the
 //! observer, which in the program is [`output::Output`].
 
+pub mod accuracy;
 pub mod analysis;
 pub mod cli;
 pub mod contact;
