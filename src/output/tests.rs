@@ -155,7 +155,7 @@ fn ids_radii_and_vertices_are_stored_once_for_all_frames() {
     assert_eq!(counts(&file, "VTKHDF/Vertices/NumberOfCells"), [3, 3]);
     assert_eq!(counts(&file, "VTKHDF/Vertices/NumberOfConnectivityIds"), [3, 3]);
     for cells in ["Lines", "Polygons", "Strips"] {
-        assert_eq!(counts(&file, &format!("VTKHDF/{cells}/Connectivity")), []);
+        assert!(counts(&file, &format!("VTKHDF/{cells}/Connectivity")).is_empty());
         assert_eq!(counts(&file, &format!("VTKHDF/{cells}/Offsets")), [0]);
         assert_eq!(counts(&file, &format!("VTKHDF/{cells}/NumberOfCells")), [0, 0]);
         assert_eq!(counts(&file, &format!("VTKHDF/{cells}/NumberOfConnectivityIds")), [0, 0]);

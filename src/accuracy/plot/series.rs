@@ -1,0 +1,118 @@
+//! Plain lines: quantities against time.
+
+use super::axis::Axis;
+use super::canvas::{Drawn, Pixel, save};
+use super::frame::Frame;
+use super::legend::legend;
+use super::look::{Look, Mark};
+use crate::error::Error;
+use std::path::Path;
+
+/// Size of the figure, px.
+const SIZE: (i32, i32) = (960, 540);
+/// Markers on a line, by which it is told from others on grey paper.
+const MARKERS: i32 = 7;
+
+/// One line.
+#[derive(Debug, Clone)]
+pub struct Line {
+    /// Its name in the legend.
+    pub name: String,
+    /// Pairs of values in the order in which they are joined; the line breaks where a value is not finite or, on a
+    /// logarithmic axis, not positive.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// Draws the lines over one linear x axis.
+pub fn series(
+    path: &Path,
+    title: &str,
+    x_label: &str,
+    y_label: &str,
+    log_y: bool,
+    lines: &[Line],
+) -> Result<(), Error> {
+    let names: Vec<&str> = lines.iter().map(|line| line.name.as_str()).collect();
+    let looks: Vec<Look> = (0..lines.len()).map(Look::number).collect();
+    let points = || lines.iter().flat_map(|line| &line.points);
+    let x = Axis::linear(x_label, points().map(|&(x, _)| x));
+    let values = points().map(|&(_, y)| y);
+    let y = if log_y { Axis::logarithmic(y_label, values) } else { Axis::linear(y_label, values) };
+    save(path, SIZE, title, |canvas, area| {
+        let area = legend(canvas, area, &names, &looks)?;
+        let frame = Frame::within(area, "", x, y);
+        frame.draw(canvas)?;
+        for (line, look) in lines.iter().zip(&looks) {
+            for piece in pieces(&frame, &line.points) {
+                canvas.line(piece, look.colour, 2)?;
+            }
+        }
+        for (number, (line, look)) in lines.iter().zip(&looks).enumerate() {
+            for at in markers(&frame, &line.points, number as i32, lines.len() as i32) {
+                look.marker(canvas, at, Mark::Full)?;
+            }
+        }
+        Drawn::Ok(())
+    })
+}
+
+/// The line in pixels, piece by piece between its breaks.
+fn pieces(frame: &Frame, points: &[(f64, f64)]) -> Vec<Vec<Pixel>> {
+    let places: Vec<Option<Pixel>> = points.iter().map(|&(x, y)| frame.at(x, y)).collect();
+    places.split(Option::is_none).map(|piece| thinned(piece.iter().flatten().copied())).collect()
+}
+
+/// The same picture with at most four pixels in a column: the first, the highest, the lowest and the last.
+fn thinned(pixels: impl Iterator<Item = Pixel>) -> Vec<Pixel> {
+    let mut kept: Vec<Pixel> = Vec::new();
+    // Start of the current column among the kept ones.
+    let mut column = 0;
+    for pixel in pixels {
+        if kept.get(column).is_none_or(|&(x, _)| x != pixel.0) {
+            column = kept.len();
+        }
+        kept.push(pixel);
+        if let [(x, first), a, b, c, (_, last)] = kept[column..] {
+            let (low, high) = (a.1.min(b.1).min(c.1), a.1.max(b.1).max(c.1));
+            kept.truncate(column);
+            kept.extend([(x, first), (x, low), (x, high), (x, last)]);
+        }
+    }
+    kept.dedup();
+    kept
+}
+
+/// Points of the line that get a marker: about evenly spread, and elsewhere on every line.
+fn markers(frame: &Frame, points: &[(f64, f64)], number: i32, lines: i32) -> Vec<Pixel> {
+    let spacing = (frame.inside.right - frame.inside.left) / MARKERS;
+    let first = frame.inside.left + spacing * (2 * number + 1) / (2 * lines);
+    let places = points.iter().filter_map(|&(x, y)| frame.at(x, y));
+    let mut next = first;
+    let mut chosen = Vec::new();
+    for (x, y) in places {
+        if x >= next {
+            chosen.push((x, y));
+            next = first + ((x - first) / spacing + 1) * spacing;
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dense_line_keeps_its_extremes_with_few_pixels() {
+        let dense = (0..10_000).map(|k| (k / 1000, [5, 9, 1, 7][k as usize % 4]));
+        let thin = thinned(dense);
+        assert_eq!(thin.len(), 40);
+        assert_eq!(thin[..4], [(0, 5), (0, 1), (0, 9), (0, 7)]);
+    }
+
+    #[test]
+    fn a_short_line_keeps_all_its_pixels() {
+        let line = vec![(0, 3), (4, 1), (4, 2), (8, 0)];
+        assert_eq!(thinned(line.iter().copied()), line);
+    }
+}

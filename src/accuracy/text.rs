@@ -1,0 +1,48 @@
+//! Numbers and words cut to the room that a table or a figure has.
+
+/// `value` in scientific notation with at most `digits` digits after the point: `1e-3`, `2.47e5`, `0`.
+pub fn scientific(value: f64, digits: usize) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let long = format!("{value:.digits$e}");
+    match long.split_once('e') {
+        Some((mantissa, exponent)) if mantissa.contains('.') => {
+            format!("{}e{exponent}", mantissa.trim_end_matches('0').trim_end_matches('.'))
+        }
+        _ => long,
+    }
+}
+
+/// `text` on one line and with at most `most` characters, the last one an ellipsis where some are missing.
+pub fn shortened(text: &str, most: usize) -> String {
+    let line: Vec<char> = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    if line.len() <= most {
+        return line.into_iter().collect();
+    }
+    let kept: String = line[..most.saturating_sub(1)].iter().collect();
+    format!("{}…", kept.trim_end())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn round_numbers_carry_no_idle_zeros() {
+        assert_eq!(scientific(1e-3, 2), "1e-3");
+        assert_eq!(scientific(247_000.0, 2), "2.47e5");
+        assert_eq!(scientific(-0.0999, 1), "-1e-1");
+        assert_eq!(scientific(0.0, 2), "0");
+        assert_eq!(scientific(f64::NAN, 2), "NaN");
+        assert_eq!(scientific(f64::INFINITY, 2), "inf");
+    }
+
+    #[test]
+    fn a_shortened_text_is_one_line_and_shows_that_something_is_missing() {
+        assert_eq!(shortened("short", 5), "short");
+        assert_eq!(shortened("no step can be made", 9), "no step…");
+        assert_eq!(shortened("a\nb\u{1}", 9), "a b ");
+        assert_eq!(shortened("čtyři kuličky", 6), "čtyři…");
+    }
+}
