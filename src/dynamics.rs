@@ -217,9 +217,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// Migrates particles to their owners, moves slab bounds after them, and lists neighbours afresh. What belongs to
     /// `anchor` may change in length and order. Collective.
     pub fn rebuild(&mut self, anchor: &mut Anchor<Motion<W>>) -> Result<(), Error> {
-        let Anchor { t, y, slope, slope_known, direction, .. } = anchor;
+        let Anchor { t, y, slope, slope_known, direction, direction_known, .. } = anchor;
         // All ranks know the same, so all send the same lists.
-        let known = [*slope_known, !direction.is_empty() || self.count() == 0];
+        let known = [*slope_known, *direction_known];
         let lists = [slope, direction].into_iter().zip(known).filter_map(|(list, known)| known.then_some(list));
         self.relocate(*t, y, &mut lists.collect::<Vec<_>>())
     }

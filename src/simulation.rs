@@ -13,6 +13,7 @@ use crate::start::{self, Start};
 use integrator::Integrator;
 use std::time::Instant;
 
+mod choice;
 mod integrator;
 
 /// Forced accepts in a row that end a run.
@@ -372,7 +373,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     /// if the method knows, else by a step of its own from the last accepted state. None if the lists are too old for
     /// that. Collective.
     fn frame_inside(&mut self, share: f64, h: f64) -> Option<(Vec<Motion<W>>, Losses)> {
-        if let Some(state) = self.integrator.inside(share, h, &self.anchor, &self.trial) {
+        if self.integrator.has_inside() {
+            let state = self.integrator.inside(share, h, &self.anchor, &self.trial)?;
             let (start, end) = (self.anchor.losses, self.trial.losses);
             let lost = [0, 1].map(|k| {
                 let rest = 1.0 - share;

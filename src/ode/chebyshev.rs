@@ -104,11 +104,6 @@ impl<S: Linear> Chebyshev<S> {
         }
     }
 
-    /// Stages of the last trial.
-    pub fn stage_count(&self) -> usize {
-        self.table.len()
-    }
-
     /// Estimate of the local error of particle `i`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
     #[inline(always)]
     fn error(i: usize, h: f64, norm: &Norm, anchor: &Anchor<S>, trial: (&[S], &[S])) -> f64 {
@@ -138,9 +133,18 @@ impl<P: Ivp> Method<P> for Chebyshev<P::State> {
     }
 
     fn stable_step(&mut self, ivp: &mut P, anchor: &mut Anchor<P::State>) -> (f64, u64) {
+        let (bound, evaluations) = self.spectral_bound(ivp, anchor);
+        (real_stability(MOST_STAGES) / bound, evaluations)
+    }
+
+    fn spectral_bound(&mut self, ivp: &mut P, anchor: &mut Anchor<P::State>) -> (f64, u64) {
         ivp.begin(&anchor.y);
         let evaluations = anchor.find_slope(ivp) + self.radius.update(ivp, anchor);
-        (real_stability(MOST_STAGES) / self.radius.bound(), evaluations)
+        (self.radius.bound(), evaluations)
+    }
+
+    fn known_bound(&self) -> Option<f64> {
+        Some(self.radius.bound())
     }
 
     fn attempt(
@@ -207,6 +211,10 @@ impl<P: Ivp> Method<P> for Chebyshev<P::State> {
         let result = (&trial.next[..], &trial.slope[..]);
         let error = parallel::fold(n, GRAIN, |i| Self::error(i, h, norm, anchor, result), 0.0, larger);
         ivp.agree(error, &trial.next)
+    }
+
+    fn has_inside(&self) -> bool {
+        true
     }
 
     fn inside(

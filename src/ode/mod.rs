@@ -106,14 +106,24 @@ pub struct Anchor<S> {
     pub slope_known: bool,
     /// Losses in `slope`, W.
     pub losses: Losses,
-    /// The stiffest direction, as far as it is known; empty where nobody asked.
+    /// The stiffest direction, as far as it is known; of no use unless `direction_known`.
     pub direction: Vec<S>,
+    /// Whether `direction` is one: the same on every rank, also where there are no particles.
+    pub direction_known: bool,
 }
 
 impl<S: Linear> Anchor<S> {
     /// At `y` at time `t` (s).
     pub fn new(t: f64, y: Vec<S>) -> Self {
-        Anchor { t, y, slope: Vec::new(), slope_known: false, losses: [0.0; 2], direction: Vec::new() }
+        Anchor {
+            t,
+            y,
+            slope: Vec::new(),
+            slope_known: false,
+            losses: [0.0; 2],
+            direction: Vec::new(),
+            direction_known: false,
+        }
     }
 
     /// Evaluates f unless it is known; returns the number of right-hand sides that took. Collective.
@@ -200,20 +210,29 @@ pub trait Method<P: Ivp> {
     fn stable_step(&mut self, _ivp: &mut P, _anchor: &mut Anchor<P::State>) -> (f64, u64) {
         (f64::INFINITY, 0)
     }
+    /// Upper bound of the spectral radius at `anchor`, 1/s, and the right-hand sides that took; infinite if the method has
+    /// no estimate. Collective.
+    fn spectral_bound(&mut self, _ivp: &mut P, _anchor: &mut Anchor<P::State>) -> (f64, u64) {
+        (f64::INFINITY, 0)
+    }
+    /// The last bound found, 1/s, if the method has an estimate.
+    fn known_bound(&self) -> Option<f64> {
+        None
+    }
+    /// Whether the method has a dense output.
+    fn has_inside(&self) -> bool;
     /// The last trial was rejected for its error.
     fn rejected(&mut self) {}
     /// The state of owned particle `i` at a `share` of the last trial, a step `h` (s) that stands, if the method has a
     /// dense output.
     fn inside(
         &self,
-        _share: f64,
-        _h: f64,
-        _anchor: &Anchor<P::State>,
-        _trial: &Trial<P::State>,
-        _i: usize,
-    ) -> Option<P::State> {
-        None
-    }
+        share: f64,
+        h: f64,
+        anchor: &Anchor<P::State>,
+        trial: &Trial<P::State>,
+        i: usize,
+    ) -> Option<P::State>;
     /// Error of owned particle `i` in the last trial, of step `h` (s).
     fn error_of(&self, i: usize, h: f64, norm: &Norm, anchor: &Anchor<P::State>, trial: &Trial<P::State>)
     -> f64;

@@ -105,6 +105,10 @@ impl<P: Ivp> Method<P> for RungeKutta<P::State> {
         ivp.agree(error, &trial.next)
     }
 
+    fn has_inside(&self) -> bool {
+        self.tableau.dense.is_some()
+    }
+
     fn inside(
         &self,
         share: f64,

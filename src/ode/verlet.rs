@@ -75,6 +75,10 @@ impl<P: Ivp> Method<P> for Verlet<P::State> {
         ivp.agree(if largest < f64::INFINITY { 0.0 } else { f64::INFINITY }, &trial.next)
     }
 
+    fn has_inside(&self) -> bool {
+        true
+    }
+
     /// Constant acceleration up to the half step: the parabola of the scheme itself.
     fn inside(
         &self,

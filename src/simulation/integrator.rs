@@ -1,5 +1,7 @@
 //! The method that takes the steps: the one that the scene names, or the one that `auto` finds best.
 
+use super::choice::{Choice, Kind};
+use crate::effects::{Effects, Variant};
 use crate::ode::{
     Anchor, Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, Norm, RungeKutta, Trial, Verdict, Verlet,
 };
@@ -7,40 +9,89 @@ use crate::scene::Scene;
 
 /// Takes steps with one method at a time.
 pub struct Integrator<'c, P: Ivp> {
-    method: Box<dyn Method<P> + 'c>,
+    active: Box<dyn Method<P> + 'c>,
+    /// Of `auto`: the method that rests, and how to choose.
+    resting: Option<(Box<dyn Method<P> + 'c>, Choice)>,
     /// Largest stable step from the anchor, s; none before it has been asked for.
     stable: Option<f64>,
+    /// Right-hand sides since the last accepted step.
+    spent: u64,
 }
 
 impl<'c, P: Ivp + 'c> Integrator<'c, P> {
     /// The method of the scene.
     pub fn new(scene: &Scene) -> Self {
-        let method: Box<dyn Method<P> + 'c> = match scene.solver.method.as_str() {
-            "merson" => Box::new(RungeKutta::new(&MERSON)),
-            "dormand-prince" => Box::new(RungeKutta::new(&DORMAND_PRINCE)),
-            "velocity-verlet" => Box::new(Verlet::new()),
-            _ => Box::new(Chebyshev::new()),
-        };
-        Integrator { method, stable: None }
+        let fixed = |active: Box<dyn Method<P> + 'c>| Integrator { active, resting: None, stable: None, spent: 0 };
+        match scene.solver.method.as_str() {
+            "merson" => fixed(Box::new(RungeKutta::new(&MERSON))),
+            "dormand-prince" => fixed(Box::new(RungeKutta::new(&DORMAND_PRINCE))),
+            "velocity-verlet" => fixed(Box::new(Verlet::new())),
+            "chebyshev" => fixed(Box::new(Chebyshev::new())),
+            _ => Self::auto(Effects::of(scene)),
+        }
     }
 
+    /// Friction is stiff and not very smooth: the stabilised method takes the steps, unless the tolerance asks for so
+    /// small ones that Merson's is cheaper. Without friction the motion is smooth and mostly not stiff: that of Dormand
+    /// and Prince, unless losses on rebound make it stiff. Without any loss nothing is damped, and the stabilised method
+    /// has no place.
+    fn auto(effects: Effects) -> Self {
+        let stabilised = || Box::new(Chebyshev::new());
+        if effects.variant != Variant::Basic {
+            let explicit = RungeKutta::new(&MERSON);
+            let choice = Choice::new(Kind::Stabilised, &MERSON, "friction is stiff");
+            let resting = Some((Box::new(explicit) as Box<dyn Method<P> + 'c>, choice));
+            return Integrator { active: stabilised(), resting, stable: None, spent: 0 };
+        }
+        let active = Box::new(RungeKutta::new(&DORMAND_PRINCE));
+        let choice = |why| Choice::new(Kind::Explicit, &DORMAND_PRINCE, why);
+        let resting = if effects.dissipative {
+            (stabilised() as Box<dyn Method<P> + 'c>, choice("without friction the motion is smooth"))
+        } else {
+            // Never woken: it stands for no method.
+            let why = "nothing is lost, so nothing is damped, and the motion is smooth";
+            (Box::new(Verlet::new()) as Box<dyn Method<P> + 'c>, choice(why).forever())
+        };
+        Integrator { active, resting: Some(resting), stable: None, spent: 0 }
+    }
+
+    /// To be called before a trial: finds out what is stable from `anchor`, and changes the method where that pays. Returns
+    /// the right-hand sides that took. Collective.
     pub fn prepare(&mut self, ivp: &mut P, anchor: &mut Anchor<P::State>) -> u64 {
         if self.stable.is_some() {
             return 0;
         }
-        let (stable, evaluations) = self.method.stable_step(ivp, anchor);
-        self.stable = Some(stable);
+        let mut evaluations = 0;
+        let mut cap = f64::INFINITY;
+        if let Some((resting, choice)) = &mut self.resting {
+            if choice.wants_stiffness() {
+                let bound;
+                (bound, evaluations) = resting.spectral_bound(ivp, anchor);
+                choice.learn(bound);
+            }
+            if let Some(limit) = choice.change() {
+                std::mem::swap(&mut self.active, resting);
+                cap = limit;
+            }
+        }
+        let (stable, more) = self.active.stable_step(ivp, anchor);
+        self.stable = Some(stable.min(cap));
+        evaluations += more;
+        self.spent += evaluations;
         evaluations
     }
 
+    /// Largest stable step from the anchor, s, as far as it is known.
     pub fn stable_step(&self) -> f64 {
         self.stable.unwrap_or(f64::INFINITY)
     }
 
+    /// The error of a step shrinks as h to this power.
     pub fn error_order(&self) -> f64 {
-        self.method.error_order()
+        self.active.error_order()
     }
 
+    /// Takes a trial step `h` (s) from `anchor`. Collective.
     pub fn attempt(
         &mut self,
         ivp: &mut P,
@@ -49,9 +100,12 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         norm: &Norm,
         trial: &mut Trial<P::State>,
     ) -> Verdict {
-        self.method.attempt(ivp, anchor, h, norm, trial)
+        let verdict = self.active.attempt(ivp, anchor, h, norm, trial);
+        self.spent += trial.evaluations;
+        verdict
     }
 
+    /// The state at a `share` of the last trial, a step `h` (s) that stands, if the method has a dense output.
     pub fn inside(
         &self,
         share: f64,
@@ -59,18 +113,29 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         anchor: &Anchor<P::State>,
         trial: &Trial<P::State>,
     ) -> Option<Vec<P::State>> {
-        (0..anchor.y.len()).map(|i| self.method.inside(share, h, anchor, trial, i)).collect()
+        (0..anchor.y.len()).map(|i| self.active.inside(share, h, anchor, trial, i)).collect()
     }
 
+    /// Whether `inside` gives states.
+    pub fn has_inside(&self) -> bool {
+        self.active.has_inside()
+    }
+
+    /// The last trial was rejected for its error.
     pub fn rejected(&mut self) {
-        self.method.rejected();
+        self.active.rejected();
         self.stable = None;
     }
 
-    pub fn accepted(&mut self, _h: f64) {
-        self.stable = None;
+    /// The last trial, a step `h` (s), stands.
+    pub fn accepted(&mut self, h: f64) {
+        if let Some((_, choice)) = &mut self.resting {
+            choice.step(h, self.spent, self.active.known_bound());
+        }
+        (self.stable, self.spent) = (None, 0);
     }
 
+    /// Error of owned particle `i` in the last trial, of step `h` (s).
     pub fn error_of(
         &self,
         i: usize,
@@ -79,14 +144,17 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         anchor: &Anchor<P::State>,
         trial: &Trial<P::State>,
     ) -> f64 {
-        self.method.error_of(i, h, norm, anchor, trial)
+        self.active.error_of(i, h, norm, anchor, trial)
     }
 
+    /// State vectors held beside anchor and trial.
     pub fn vectors(&self) -> usize {
-        self.method.vectors()
+        self.active.vectors() + self.resting.as_ref().map_or(0, |(resting, _)| resting.vectors())
     }
 
+    /// The method, and of `auto` what it picked and why.
     pub fn report(&self) -> String {
-        self.method.name().to_owned()
+        let name = self.active.name();
+        self.resting.as_ref().map_or_else(|| name.to_owned(), |(resting, choice)| choice.report(name, resting.name()))
     }
 }

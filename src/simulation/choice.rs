@@ -1,0 +1,207 @@
+//! How `auto` chooses between an explicit method and the stabilised one: by the work that both would take.
+
+use crate::ode::Tableau;
+
+/// Steps over which work is compared.
+const WINDOW: u64 = 64;
+/// Steps of the explicit method before stiffness is looked at; doubled whenever the stabilised method was no better.
+const PATIENCE: u64 = 256;
+/// The longest patience.
+const MOST_PATIENCE: u64 = 16384;
+/// The other method must be cheaper by this factor.
+const CLEARLY: f64 = 1.1;
+/// Share of the stable interval beyond which the explicit method is limited by stability.
+const NEAR_THE_EDGE: f64 = 0.6;
+
+/// The two kinds of methods.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Dormand-Prince or Merson: a fixed number of right-hand sides a step, and a small stable step.
+    Explicit,
+    /// Chebyshev: right-hand sides as the square root of step times stiffness.
+    Stabilised,
+}
+
+/// Compares work. Everything it looks at is the same on every rank.
+#[derive(Debug, Clone)]
+pub struct Choice {
+    active: Kind,
+    explicit: &'static Tableau,
+    reason: &'static str,
+    fixed: bool,
+    /// Steps in the window at hand, time that they covered (s), right-hand sides that they took.
+    steps: u64,
+    time: f64,
+    spent: u64,
+    /// Right-hand sides that the explicit method would need for stability in the window.
+    explicit_need: f64,
+    patience: u64,
+    /// Spectral radius just found for the explicit method, 1/s.
+    bound: Option<f64>,
+    last: f64,
+    /// Steps by kind, and changes.
+    taken: [u64; 2],
+    changes: u64,
+}
+
+impl Choice {
+    /// Starts with `active`, for `reason`; `explicit` is the explicit method.
+    pub fn new(active: Kind, explicit: &'static Tableau, reason: &'static str) -> Self {
+        Choice {
+            active,
+            explicit,
+            reason,
+            fixed: false,
+            steps: 0,
+            time: 0.0,
+            spent: 0,
+            explicit_need: 0.0,
+            patience: PATIENCE,
+            bound: None,
+            last: 0.0,
+            taken: [0; 2],
+            changes: 0,
+        }
+    }
+
+    /// The choice is made once and for all.
+    pub fn forever(self) -> Self {
+        Choice { fixed: true, ..self }
+    }
+
+    /// Right-hand sides of a step of the explicit method.
+    fn explicit_cost(&self) -> f64 {
+        (self.explicit.stages() - usize::from(self.explicit.first_same_as_last)) as f64
+    }
+
+    /// A step `h` (s) stands that took `spent` right-hand sides; `bound` is the spectral radius (1/s) if it is known.
+    pub fn step(&mut self, h: f64, spent: u64, bound: Option<f64>) {
+        self.steps += 1;
+        self.time += h;
+        self.spent += spent;
+        self.last = h;
+        self.taken[self.active as usize] += 1;
+        if let Some(bound) = bound {
+            self.explicit_need += self.explicit_cost() * h * bound / self.explicit.real_stability;
+        }
+    }
+
+    /// Whether the spectral radius should be found, because the explicit method has had its time.
+    pub fn wants_stiffness(&self) -> bool {
+        !self.fixed && self.active == Kind::Explicit && self.steps >= self.patience && self.bound.is_none()
+    }
+
+    /// The spectral radius is `bound`, 1/s.
+    pub fn learn(&mut self, bound: f64) {
+        self.bound = Some(bound);
+    }
+
+    /// Whether the other method should take over; if so, the largest step (s) that it may start with.
+    pub fn change(&mut self) -> Option<f64> {
+        match self.active {
+            Kind::Stabilised if self.steps >= WINDOW => {
+                let cheaper = self.spent as f64 > CLEARLY * self.explicit_need;
+                let stable = self.explicit.real_stability * self.time / self.explicit_need.max(1e-300)
+                    * self.explicit_cost();
+                self.restart();
+                if !cheaper {
+                    // It is worth its while: look again soon when it rests.
+                    self.patience = PATIENCE;
+                    return None;
+                }
+                self.patience = (2 * self.patience).min(MOST_PATIENCE);
+                self.switch(Kind::Explicit);
+                Some((0.9 * stable).min(self.last))
+            }
+            Kind::Explicit => {
+                let bound = self.bound.take()?;
+                let stiff = self.time / self.steps as f64 * bound > NEAR_THE_EDGE * self.explicit.real_stability;
+                self.restart();
+                if !stiff {
+                    return None;
+                }
+                self.switch(Kind::Stabilised);
+                Some(f64::INFINITY)
+            }
+            Kind::Stabilised => None,
+        }
+    }
+
+    fn restart(&mut self) {
+        (self.steps, self.time, self.spent, self.explicit_need) = (0, 0.0, 0, 0.0);
+    }
+
+    fn switch(&mut self, to: Kind) {
+        self.active = to;
+        self.changes += 1;
+    }
+
+    /// What was chosen and why; `active` and `resting` are the names of the methods.
+    pub fn report(&self, active: &str, resting: &str) -> String {
+        let [explicit, stabilised] = self.taken;
+        let (own, other) = match self.active {
+            Kind::Explicit => (explicit, stabilised),
+            Kind::Stabilised => (stabilised, explicit),
+        };
+        if self.changes == 0 {
+            return format!("auto: {active}, because {}", self.reason);
+        }
+        format!(
+            "auto: {active} for {own} steps and {resting} for {other}, whichever took less work ({} changes)",
+            self.changes
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ode::{DORMAND_PRINCE, MERSON};
+
+    #[test]
+    fn small_steps_of_the_stabilised_method_give_way_to_the_explicit_one() {
+        // h rho = 0.1: five right-hand sides cover 35 of the steps that take three each.
+        let mut choice = Choice::new(Kind::Stabilised, &MERSON, "of the test");
+        for _ in 0..WINDOW {
+            assert_eq!(choice.change(), None);
+            choice.step(1e-6, 3, Some(1e5));
+        }
+        let first = choice.change().expect("it changes");
+        assert!(first <= 1e-6, "the step does not jump: {first}");
+        assert!(choice.report("merson", "chebyshev").contains("merson for 0 steps and chebyshev for 64"));
+    }
+
+    #[test]
+    fn large_steps_keep_the_stabilised_method() {
+        // h rho = 100: the explicit method would take 141 right-hand sides.
+        let mut choice = Choice::new(Kind::Stabilised, &MERSON, "of the test");
+        for _ in 0..10 * WINDOW {
+            choice.step(1e-3, 14, Some(1e5));
+            assert_eq!(choice.change(), None);
+        }
+        assert_eq!(choice.report("chebyshev", "merson"), "auto: chebyshev, because of the test");
+    }
+
+    #[test]
+    fn an_explicit_method_at_its_edge_gives_way() {
+        for (bound, changes) in [(2e4, true), (5e3, false)] {
+            let mut choice = Choice::new(Kind::Explicit, &DORMAND_PRINCE, "of the test");
+            for _ in 0..PATIENCE {
+                assert!(!choice.wants_stiffness());
+                choice.step(1.5e-4, 6, None);
+            }
+            assert!(choice.wants_stiffness());
+            choice.learn(bound);
+            assert_eq!(choice.change().is_some(), changes);
+        }
+    }
+
+    #[test]
+    fn a_choice_for_ever_is_never_looked_at_again() {
+        let mut choice = Choice::new(Kind::Explicit, &DORMAND_PRINCE, "of the test").forever();
+        for _ in 0..10 * PATIENCE {
+            choice.step(1.0, 6, None);
+            assert!(!choice.wants_stiffness() && choice.change().is_none());
+        }
+    }
+}
