@@ -6,9 +6,7 @@ use crate::dynamics::{Clocks, Dynamics};
 use crate::effects::{self, Effects, Variant};
 use crate::error::Error;
 use crate::forces::Setting;
-use crate::ode::{
-    Anchor, Ivp, Limit, Linear, Losses, Norm, StepControl, StepRule, Trial, Verdict, Weights, larger,
-};
+use crate::ode::{Anchor, Ivp, Limit, Linear, Losses, Norm, StepControl, StepRule, Trial, Verdict, Weights, larger};
 use crate::particle::{Locked, Motion, Spin, Spinning, Vec3};
 use crate::scene::Scene;
 use crate::start::{self, Start};
