@@ -150,7 +150,10 @@ fn a_run_without_mpirun_writes_the_scenes_stem_into_the_working_folder() {
     let [accepted, rejected] = ["steps_accepted", "steps_rejected"].map(|name| results.count(name));
     assert!(accepted > 10 && ended.stdout.contains(&format!("{accepted} accepted, {rejected} rejected")));
     let method = ended.line("method");
-    assert!(method.contains(&results.text("choice")) && method.contains("0.001 in the scaled norm"), "{method}");
+    assert!(
+        method.contains(&results.text("choice")) && method.contains("0.001 in the scaled norm"),
+        "{method}"
+    );
     let sizes = ended.line("step sizes");
     let limits = ["error", "growth", "stability", "travel", "maximum", "minimum", "first", "end"];
     for (name, steps) in limits.map(|name| (name, results.count(&format!("limited_by_{name}")))) {

@@ -85,6 +85,12 @@ struct Schedule {
     stride: i64,
 }
 
+/// A column of `/run/series`, and the measure that fills it.
+struct Column<N> {
+    array: Dataset,
+    measure: fn(&Measures) -> N,
+}
+
 /// The open file. Fields are closed in this order: arrays, groups, file.
 pub struct Frames {
     position: Dataset,
@@ -95,8 +101,8 @@ pub struct Frames {
     schedules: Vec<Schedule>,
     /// Where a frame's cells start, for VTK's four kinds of cells: always 0, all frames share them.
     cell_offsets: Vec<Dataset>,
-    real_columns: Vec<(Dataset, fn(&Measures) -> f64)>,
-    count_columns: Vec<(Dataset, fn(&Measures) -> u64)>,
+    real_columns: Vec<Column<f64>>,
+    count_columns: Vec<Column<u64>>,
     /// `Steps/Values`, s: never longer than `NSteps` says, or VTK's reader crashes.
     times: Dataset,
     steps: Group,
@@ -209,11 +215,15 @@ impl Frames {
             real_columns: REAL_COLUMNS
                 .into_iter()
                 .chain(ENERGY_COLUMNS.into_iter().filter(|_| info.energy))
-                .map(|(name, real)| Ok((growing::<f64>(&series, name, FRAMES_PER_CHUNK)?, real)))
+                .map(|(name, measure)| {
+                    Ok(Column { array: growing::<f64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                })
                 .collect::<Result<_>>()?,
             count_columns: COUNT_COLUMNS
                 .into_iter()
-                .map(|(name, number)| Ok((growing::<i64>(&series, name, FRAMES_PER_CHUNK)?, number)))
+                .map(|(name, measure)| {
+                    Ok(Column { array: growing::<i64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                })
                 .collect::<Result<_>>()?,
             run,
             steps,
@@ -284,11 +294,11 @@ impl Frames {
         for array in &self.cell_offsets {
             self.put(array, k, [0_i64; 4])?;
         }
-        for (array, real) in &self.real_columns {
-            self.put(array, k, real(measures))?;
+        for Column { array, measure } in &self.real_columns {
+            self.put(array, k, measure(measures))?;
         }
-        for (array, number) in &self.count_columns {
-            self.put(array, k, number(measures) as i64)?;
+        for Column { array, measure } in &self.count_columns {
+            self.put(array, k, measure(measures) as i64)?;
         }
         self.flush(self.growth(k))?;
 
