@@ -29,7 +29,7 @@ pub struct Clocks {
     pub forces: Duration,
     /// Lists, migration, slab bounds.
     pub lists: Duration,
-    /// Agreement on the error.
+    /// Agreement on errors, and lengths of states over all ranks.
     pub reduction: Duration,
 }
 
@@ -220,7 +220,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let Anchor { t, y, slope, slope_known, direction, direction_known, .. } = anchor;
         // All ranks know the same, so all send the same lists.
         let known = [*slope_known, *direction_known];
-        let lists = [slope, direction].into_iter().zip(known).filter_map(|(list, known)| known.then_some(list));
+        let lists =
+            [slope, direction].into_iter().zip(known).filter_map(|(list, known)| known.then_some(list));
         self.relocate(*t, y, &mut lists.collect::<Vec<_>>())
     }
 
@@ -389,6 +390,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
     /// Twice the kinetic energy of the velocities in `v`, and positions by the speed at which a contact at rest would
     /// swing; the square root of it. Friction is symmetric in this norm.
     fn length(&mut self, v: &[Motion<W>]) -> f64 {
+        let clock = Instant::now();
         let Setting { mass, inverse_inertia, .. } = self.forces.setting;
         let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
         let stiffness = self.forces.law.kappa * self.forces.law.f_0;
@@ -397,7 +399,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
                 + inertia * body.omega.vector().norm_squared()
                 + stiffness * body.x.norm_squared()
         };
-        exact::exact_sum(self.comm, v.iter().map(square)).sqrt()
+        let length = exact::exact_sum(self.comm, v.iter().map(square)).sqrt();
+        self.clocks.reduction += clock.elapsed();
+        length
     }
 
     fn any_direction(&mut self, round: u64, v: &mut Vec<Motion<W>>) {

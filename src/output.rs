@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 
 use crate::domain::comm::Comm;
 use crate::error::Error;
+use crate::ode::{Limit, Losses};
 use frames::Frames;
 pub use place::size;
 
@@ -30,8 +31,16 @@ pub struct RunInfo {
     pub scene: String,
     /// `solver.method`.
     pub method: String,
-    /// `solver.tolerance`, in the units of the method's norm.
+    /// `solver.tolerance`, in the units of `norm`; 0 for a method with a fixed step.
     pub tolerance: f64,
+    /// `solver.step`, s; there exactly if the method has a fixed step.
+    pub step: Option<f64>,
+    /// `solver.norm`.
+    pub norm: String,
+    /// Speed that errors of velocity are compared with in the scaled norm, m/s.
+    pub velocity_scale: f64,
+    /// Whether `/run/series` has columns for the dissipated energy.
+    pub energy: bool,
     /// Mass of one particle, kg.
     pub mass: f64,
     /// Number of MPI ranks.
@@ -44,7 +53,7 @@ pub struct RunInfo {
 
 /// The run at the time of a frame: one row of `/run/series`, and the attributes of `/run` that count.
 ///
-/// Counts and sums are of the whole run, the same on every rank; of `wall_seconds` rank 0's is taken.
+/// Counts and sums are of the whole run, the same on every rank; of times rank 0's are taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measures {
     /// Time of the frame, s.
@@ -61,18 +70,41 @@ pub struct Measures {
     pub rhs_evaluations: u64,
     /// Evaluations of a pair of particles.
     pub pair_evaluations: u64,
+    /// Times the contact lists were built.
+    pub lists_built: u64,
     /// Steps accepted at `solver.min_step` in spite of their error; an attribute only.
     pub forced_accepts: u64,
+    /// Accepted steps by what decided their size, in the order of `Limit::ALL`; attributes only.
+    pub limits: [u64; Limit::ALL.len()],
     /// Kinetic energy of all particles, rotation included, J.
     pub kinetic_energy: f64,
     /// Potential energy of all particles, J.
     pub potential_energy: f64,
+    /// Energy dissipated so far by rebound and by friction, J; written where [`RunInfo::energy`] asks for it.
+    pub dissipated: Losses,
     /// Largest overlap of two bodies, m.
     pub largest_overlap: f64,
     /// Height of the bed, m.
     pub bed_height: f64,
     /// Wall time since the start, s.
     pub wall_seconds: f64,
+    /// Where that time went; attributes only.
+    pub seconds: Seconds,
+}
+
+/// Wall time in the parts of the work on one rank, s.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Seconds {
+    /// Contacts and sums, s.
+    pub forces: f64,
+    /// Waiting for and copying ghosts, s.
+    pub ghosts: f64,
+    /// Contact lists, migration, slab bounds, s.
+    pub lists: f64,
+    /// Agreement on errors, s.
+    pub reduction: f64,
+    /// Frames: measures and output, s.
+    pub output: f64,
 }
 
 /// The rows of a frame that this rank writes: rows `first..first + position.len()` of the id order. The blocks of the
@@ -148,10 +180,11 @@ impl<'a> Output<'a> {
         Ok(())
     }
 
-    /// Marks the run as completed and closes the file. Collective.
-    pub fn finish(mut self, measures: &Measures) -> Result<(), Error> {
+    /// Marks the run as completed, by the method that `choice` names, and closes the file. Collective.
+    pub fn finish(mut self, measures: &Measures, choice: &str) -> Result<(), Error> {
         let measures = measures.agreed(self.comm);
-        self.guarded(|frames| frames.complete(&measures))?;
+        let choice = agreed_text(self.comm, choice);
+        self.guarded(|frames| frames.complete(&measures, &choice))?;
         match self.frames.take() {
             Some(frames) => frames.close().map_err(|why| failure(&self.path, &why)),
             None => Ok(()),
@@ -198,18 +231,21 @@ impl Drop for Output<'_> {
 impl RunInfo {
     /// Rank 0's, on every rank: metadata that differ between ranks would break the file. Collective.
     fn agreed(&self, comm: &dyn Comm) -> RunInfo {
-        let text = |own: &str| {
-            let mut bytes = own.as_bytes().to_vec();
-            comm.broadcast(&mut bytes);
-            String::from_utf8_lossy(&bytes).into_owned()
+        let text = |own: &str| agreed_text(comm, own);
+        let count = |own: usize| {
+            let [bytes] = agreed(comm, [(own as u64).to_le_bytes()]);
+            u64::from_le_bytes(bytes) as usize
         };
-        let count = |own: usize| u64::from_le_bytes(agreed(comm, (own as u64).to_le_bytes())) as usize;
         RunInfo {
             version: text(&self.version),
             commit: text(&self.commit),
             scene: text(&self.scene),
             method: text(&self.method),
             tolerance: self.tolerance,
+            step: self.step,
+            norm: text(&self.norm),
+            velocity_scale: self.velocity_scale,
+            energy: self.energy,
             mass: self.mass,
             ranks: count(self.ranks),
             threads: count(self.threads),
@@ -219,17 +255,32 @@ impl RunInfo {
 }
 
 impl Measures {
-    /// The same with rank 0's clock. Collective.
+    /// The same with rank 0's clocks. Collective.
     fn agreed(&self, comm: &dyn Comm) -> Measures {
-        Measures { wall_seconds: f64::from_le_bytes(agreed(comm, self.wall_seconds.to_le_bytes())), ..*self }
+        let Seconds { forces, ghosts, lists, reduction, output } = self.seconds;
+        let clocks = [self.wall_seconds, forces, ghosts, lists, reduction, output];
+        let clocks = agreed(comm, clocks.map(f64::to_le_bytes)).map(f64::from_le_bytes);
+        let [wall_seconds, forces, ghosts, lists, reduction, output] = clocks;
+        Measures { wall_seconds, seconds: Seconds { forces, ghosts, lists, reduction, output }, ..*self }
     }
 }
 
-/// Rank 0's eight bytes. Collective.
-fn agreed(comm: &dyn Comm, own: [u8; 8]) -> [u8; 8] {
-    let mut bytes = own.to_vec();
+/// Rank 0's numbers. Collective.
+fn agreed<const K: usize>(comm: &dyn Comm, own: [[u8; 8]; K]) -> [[u8; 8]; K] {
+    let mut bytes = own.as_flattened().to_vec();
     comm.broadcast(&mut bytes);
-    bytes.try_into().unwrap_or(own)
+    let mut numbers = own;
+    for (number, bytes) in numbers.iter_mut().zip(bytes.chunks_exact(8)) {
+        number.copy_from_slice(bytes);
+    }
+    numbers
+}
+
+/// Rank 0's text. Collective.
+fn agreed_text(comm: &dyn Comm, own: &str) -> String {
+    let mut bytes = own.as_bytes().to_vec();
+    comm.broadcast(&mut bytes);
+    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 /// What HDF5 said, and whether the disk is full, which it often does not say.

@@ -3,11 +3,12 @@
 use crate::cli::Args;
 use crate::contact::{Law, Rebound, Tangential};
 use crate::domain::{Comm, rows};
+use crate::dynamics::Clocks;
 use crate::error::Error;
 use crate::launch;
-use crate::output::{self, Measures, Output, Rows, RunInfo};
+use crate::output::{self, Measures, Output, Rows, RunInfo, Seconds};
 use crate::particle::{Motion, Spin};
-use crate::report::{self, Last, Progress};
+use crate::report::{self, Course, Progress};
 use crate::scene::Scene;
 use crate::simulation::{self, Frame, Observer, Simulation, Task};
 use crate::start::{self, Start};
@@ -193,6 +194,10 @@ impl Task for Run<'_> {
             scene: scene.resolved(),
             method: scene.solver.method.clone(),
             tolerance: scene.solver.tolerance.unwrap_or(0.0),
+            step: scene.solver.step,
+            norm: scene.solver.norm.clone(),
+            velocity_scale: start::velocity_scale(scene, start),
+            energy: scene.output.energy,
             mass: scene.particles.mass,
             ranks: comm.size(),
             threads,
@@ -202,22 +207,24 @@ impl Task for Run<'_> {
         let rotation = W::COMPONENTS > 0;
         let output = Output::create(comm, place, &info, count, scene.particles.radius, rotation, block)?;
         let progress = Progress::new(comm.rank(), scene.t_end, args.quiet, args.verbose);
-        let last = Last { count, ..Last::default() };
-        let mut recorder = Recorder { output, scene, progress, started, measures: None, last, frames: 0 };
+        let course = Course { count, ..Course::default() };
+        let mut recorder = Recorder { output, scene, progress, started, measures: None, course, frames: 0 };
         let outcome = simulation.run(&mut recorder);
         recorder.progress.close();
         let outcome = outcome?;
         let file = scene.output.file.clone().unwrap_or_else(|| PathBuf::from(place));
         let transfer = recorder.output.transfer_report().to_string();
-        let Recorder { output, measures, last, frames, .. } = recorder;
+        let Recorder { output, measures, course, frames, .. } = recorder;
         if let Some(measures) = measures {
-            output.finish(&Measures { wall_seconds: started.elapsed().as_secs_f64(), ..measures })?;
+            let seconds = seconds(&outcome.clocks, outcome.output_seconds);
+            let wall_seconds = started.elapsed().as_secs_f64();
+            output.finish(&Measures { wall_seconds, seconds, ..measures }, &outcome.choice)?;
         }
         let written = format!("{}: {frames} frames, {transfer}", file.display());
-        let text = report::summary(comm, &args.scene, scene, &outcome, &last, threads, &written);
+        let text = report::summary(comm, &args.scene, scene, &outcome, &course, threads, &written);
         if comm.rank() == 0 {
             launch::print(&text);
-            report::doubts(scene, &outcome).iter().for_each(|doubt| launch::say(doubt));
+            report::doubts(scene, &outcome, &course).iter().for_each(|doubt| launch::say(doubt));
         }
         Ok(())
     }
@@ -234,8 +241,16 @@ struct Recorder<'a> {
     progress: Progress,
     started: Instant,
     measures: Option<Measures>,
-    last: Last,
+    course: Course,
     frames: u64,
+}
+
+/// The time that went into the parts of the work.
+fn seconds(clocks: &Clocks, output: f64) -> Seconds {
+    let Clocks { forces, ghosts, lists, reduction } = *clocks;
+    let [forces, ghosts, lists, reduction] =
+        [forces, ghosts, lists, reduction].map(|part| part.as_secs_f64());
+    Seconds { forces, ghosts, lists, reduction, output }
 }
 
 impl<W: Spin> Observer<W> for Recorder<'_> {
@@ -260,12 +275,16 @@ impl<W: Spin> Observer<W> for Recorder<'_> {
             steps_outrun: counts.outrun,
             rhs_evaluations: counts.rhs,
             pair_evaluations: counts.pairs,
+            lists_built: counts.rebuilds,
             forced_accepts: counts.forced,
+            limits: counts.limits,
             kinetic_energy: frame.kinetic_energy,
             potential_energy: frame.potential_energy,
+            dissipated: frame.dissipated,
             largest_overlap: frame.largest_overlap,
             bed_height: frame.bed_height,
             wall_seconds: self.started.elapsed().as_secs_f64(),
+            seconds: seconds(&frame.clocks, frame.output_seconds),
         };
         let overlap = report::overlap_warning(self.scene, frame.largest_overlap);
         if let (0, true, Some(warning)) = (self.frames, frame.first == 0 && !frame.rows.is_empty(), overlap) {
@@ -274,9 +293,7 @@ impl<W: Spin> Observer<W> for Recorder<'_> {
         self.output.append(&rows, &measures)?;
         self.measures = Some(measures);
         self.frames += 1;
-        self.last.kinetic_energy = frame.kinetic_energy;
-        self.last.potential_energy = frame.potential_energy;
-        self.last.bed_height = frame.bed_height;
+        self.course.follow(frame);
         self.progress.frame(frame);
         Ok(())
     }

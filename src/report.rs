@@ -1,14 +1,17 @@
 //! What the program says: the plan of a dry run, the progress, the closing summary.
 
-use crate::container::described_walls;
+use crate::contact::{Elastic, Frictionless};
+use crate::container::{described_walls, short};
 use crate::domain::{Comm, rows, slabs::Slabs};
-use crate::dynamics::SKIN;
+use crate::dynamics::{Dynamics, SKIN};
 use crate::effects::Effects;
 use crate::launch;
+use crate::ode::{Chebyshev, DORMAND_PRINCE, Limit, Losses, MERSON, Method, RungeKutta, Verlet};
 use crate::output::size;
-use crate::scene::Scene;
+use crate::particle::Locked;
+use crate::scene::{PAPER_NORM, Scene};
 use crate::simulation::{Counts, Frame, Outcome};
-use crate::start::Start;
+use crate::start::{self, Start};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
 use std::io::IsTerminal;
@@ -71,11 +74,31 @@ pub fn overlap_warning(scene: &Scene, overlap: f64) -> Option<String> {
 /// Memory of the start of one particle, which every rank holds for all, bytes.
 pub const START_BYTES: u64 = 72;
 
+/// State vectors that every step holds, whatever the method: the last accepted state, its slope and the stiffest
+/// direction; the result of a trial and its slope.
+const STEP_VECTORS: usize = 5;
+
+/// State vectors of a run: those of every step, and those of the method. `auto` may come to hold both of its methods.
+fn state_vectors(method: &str) -> usize {
+    // What a method holds does not depend on the problem.
+    type Problem = Dynamics<'static, Elastic, Frictionless, Locked>;
+    let of = |method: &dyn Method<Problem>| method.vectors();
+    let (dormand_prince, chebyshev) = (|| of(&RungeKutta::new(&DORMAND_PRINCE)), || of(&Chebyshev::new()));
+    STEP_VECTORS
+        + match method {
+            "merson" => of(&RungeKutta::new(&MERSON)),
+            "dormand-prince" => dormand_prince(),
+            "chebyshev" => chebyshev(),
+            "velocity-verlet" => of(&Verlet::new()),
+            _ => dormand_prince() + chebyshev(),
+        }
+}
+
 /// Memory of the solver for one particle, bytes, about: states, slopes, lists and pair forces in a packed bed.
 pub fn bytes_per_particle(scene: &Scene) -> u64 {
     let components = if scene.rotates() { 9.0 } else { 6.0 };
     let action = if scene.rotates() { 48.0 } else { 24.0 };
-    let states = 9.0 * 8.0 * components + 2.0 * 24.0 + 8.0;
+    let states = state_vectors(&scene.solver.method) as f64 * 8.0 * components + 2.0 * 24.0 + 8.0;
     let lists = LISTED_PAIRS * (8.0 + action + 2.0 * 4.0) + 16.0;
     (states + lists) as u64
 }
@@ -92,6 +115,33 @@ pub fn output_bytes(scene: &Scene, count: u64) -> u64 {
 /// Frames of the scene, the one at t = 0 included.
 pub fn frames(scene: &Scene) -> u64 {
     scene.output.interval.map_or(101, |interval| (scene.t_end / interval - 1e-9).ceil() as u64 + 1)
+}
+
+/// What bounds the steps, in words.
+fn step_control(scene: &Scene) -> String {
+    let solver = &scene.solver;
+    let norm = if solver.norm == PAPER_NORM { "the paper's" } else { "the scaled" };
+    match (solver.step, solver.tolerance) {
+        (Some(step), _) => format!("fixed step {} s", short(step)),
+        (None, Some(tolerance)) => format!("tolerance {} in {norm} norm", short(tolerance)),
+        (None, None) => format!("the default tolerance in {norm} norm"),
+    }
+}
+
+/// A positive number that is not known to more.
+fn three_digits(number: f64) -> String {
+    if (0.1..100.0).contains(&number) { format!("{number:.3}") } else { format!("{number:.2e}") }
+}
+
+/// Method and step control of the scene with these particles, in words.
+fn solver(scene: &Scene, start: &Start) -> String {
+    let solver = &scene.solver;
+    let scale = match (solver.step, solver.norm.as_str()) {
+        (Some(_), _) => String::new(),
+        (None, PAPER_NORM) => " (m/s, m/s^2 and rad/s^2 alike)".to_owned(),
+        (None, _) => format!(" (velocities over {} m/s)", three_digits(start::velocity_scale(scene, start))),
+    };
+    format!("{}, {}{scale}", solver.method, step_control(scene))
 }
 
 /// What a run would do, for `--dry-run`. Collective; the text is the same on every rank.
@@ -133,15 +183,14 @@ pub fn plan(
     let walls = crate::container::walls(&scene.container).len();
     line("particles", format!("{count} of radius {r} m and mass {} kg, {walls} walls", scene.particles.mass));
     line("time", format!("to t = {} s, {} frames", scene.t_end, frames(scene)));
-    let solver = &scene.solver;
-    line("solver", format!("{}, tolerance {:?}, norm {}", solver.method, solver.tolerance, solver.norm));
+    line("solver", solver(scene, start));
     let per_particle = bytes_per_particle(scene);
-    let start = START_BYTES * count * comm.size() as u64;
+    let start_bytes = START_BYTES * count * comm.size() as u64;
     line(
         "memory",
         format!(
             "about {} ({per_particle} bytes a particle and the start)",
-            size(count * per_particle + start)
+            size(count * per_particle + start_bytes)
         ),
     );
     line("output", format!("about {}, {output}", size(output_bytes(scene, count))));
@@ -217,22 +266,22 @@ pub fn summary(
     name: &Path,
     scene: &Scene,
     outcome: &Outcome,
-    last: &Last,
+    course: &Course,
     threads: usize,
     output: &str,
 ) -> String {
     let mut sums = [launch::peak_memory(), outcome.ghosts as u64, outcome.bytes as u64];
     comm.sum(&mut sums);
     let [peak, ghosts, bytes] = sums;
-    let Counts { accepted, rejected, outrun, forced, rhs, pairs, rebuilds, .. } = outcome.counts;
-    let count = last.count.max(1);
+    let Counts { accepted, rejected, outrun, forced, rhs, pairs, rebuilds, limits } = outcome.counts;
+    let count = course.count.max(1);
     let r = scene.particles.radius;
     let per = |x: u64, of: f64| x as f64 / of.max(1.0);
     let clocks = &outcome.clocks;
     let mut text = format!(
         "demhybrid: {} done: {} particles, {}, to t = {} s\n",
         name.display(),
-        last.count,
+        course.count,
         Effects::of(scene).variant.name(),
         scene.t_end
     );
@@ -244,10 +293,9 @@ pub fn summary(
         "steps",
         format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"),
     );
-    line(
-        "right-hand sides",
-        format!("{rhs} ({}, tolerance {:?})", scene.solver.method, scene.solver.tolerance),
-    );
+    line("step sizes", step_sizes(&limits));
+    line("method", format!("{}; {}", outcome.choice, step_control(scene)));
+    line("right-hand sides", format!("{rhs}"));
     line(
         "pair evaluations",
         format!("{pairs} ({:.2} per particle and right-hand side)", per(pairs, count as f64 * rhs as f64)),
@@ -255,9 +303,21 @@ pub fn summary(
     line("lists built", format!("{rebuilds}"));
     line(
         "energy",
-        format!("kinetic {:.6e} J, potential {:.6e} J", last.kinetic_energy, last.potential_energy),
+        format!("kinetic {:.6e} J, potential {:.6e} J", course.kinetic_energy, course.potential_energy),
     );
-    line("bed height", format!("{:.6} m", last.bed_height));
+    if scene.output.energy {
+        let [rebound, friction] = course.dissipated;
+        line("dissipated", format!("by rebound {rebound:.6e} J, by friction {friction:.6e} J"));
+        line(
+            "energy balance",
+            format!(
+                "end + dissipated - start = {:.3e} J; largest kinetic energy {:.3e} J",
+                course.residual(),
+                course.largest_kinetic_energy
+            ),
+        );
+    }
+    line("bed height", format!("{:.6} m", course.bed_height));
     line(
         "largest overlap",
         format!(
@@ -292,9 +352,16 @@ pub fn summary(
     text
 }
 
-/// Measures of the last frame, for the summary.
+/// What decided how many of the accepted steps, `limits` in the order of `Limit::ALL`.
+fn step_sizes(limits: &[u64]) -> String {
+    let decided = Limit::ALL.iter().zip(limits).filter(|&(_, &steps)| steps > 0);
+    let list: Vec<_> = decided.map(|(limit, steps)| format!("{} {steps}", limit.name())).collect();
+    format!("set by {}", list.join(", "))
+}
+
+/// What the frames told, for the summary: of the last one, unless said otherwise.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Last {
+pub struct Course {
     /// Number of particles.
     pub count: u64,
     /// Kinetic energy, J.
@@ -303,10 +370,57 @@ pub struct Last {
     pub potential_energy: f64,
     /// Highest point, m.
     pub bed_height: f64,
+    /// Energy dissipated by rebound and by friction since the start, J; zero unless `output.energy` asks for it.
+    pub dissipated: Losses,
+    /// Kinetic and potential energy at t = 0, J.
+    pub start_energy: f64,
+    /// Largest kinetic energy of any frame, J.
+    pub largest_kinetic_energy: f64,
+}
+
+impl Course {
+    /// A frame was made; the first one is that of t = 0.
+    pub fn follow<W>(&mut self, frame: &Frame<W>) {
+        if frame.time == 0.0 {
+            self.start_energy = frame.kinetic_energy + frame.potential_energy;
+        }
+        self.kinetic_energy = frame.kinetic_energy;
+        self.potential_energy = frame.potential_energy;
+        self.bed_height = frame.bed_height;
+        self.dissipated = frame.dissipated;
+        self.largest_kinetic_energy = self.largest_kinetic_energy.max(frame.kinetic_energy);
+    }
+
+    /// Energy that came from nowhere, J: what there is and what was dissipated, less what there was at the start.
+    pub fn residual(&self) -> f64 {
+        let [rebound, friction] = self.dissipated;
+        self.kinetic_energy + self.potential_energy + rebound + friction - self.start_energy
+    }
+}
+
+/// Share of the largest kinetic energy by which the energy balance may be off upwards.
+const CREATED_SHARE: f64 = 1e-3;
+/// Share of the energies in a balance that may be rounding.
+const ENERGY_ROUNDING: f64 = 1e-12;
+
+/// A warning where the run ends with more energy than it can have.
+fn created_energy_warning(scene: &Scene, course: &Course) -> Option<String> {
+    let (created, largest) = (course.residual(), course.largest_kinetic_energy);
+    let [rebound, friction] = course.dissipated;
+    let rounding = ENERGY_ROUNDING * (course.start_energy.abs() + rebound + friction);
+    let smaller = if scene.solver.step.is_some() { "solver.step" } else { "solver.tolerance" };
+    (scene.output.energy && created > CREATED_SHARE * largest && created > rounding).then(|| {
+        format!(
+            "warning: energy at the end and dissipated energy are {created:.3e} J more than there was at the start, {:.1e} \
+             of the largest kinetic energy: no contact creates energy, so the steps are too coarse for the motion, or for \
+             the integral of what it dissipates; a smaller {smaller} would help",
+            created / largest
+        )
+    })
 }
 
 /// What a user should doubt after a run.
-pub fn doubts(scene: &Scene, outcome: &Outcome) -> Vec<String> {
+pub fn doubts(scene: &Scene, outcome: &Outcome, course: &Course) -> Vec<String> {
     let mut doubts = Vec::new();
     if outcome.counts.forced > 0 {
         doubts.push(format!(
@@ -321,6 +435,7 @@ pub fn doubts(scene: &Scene, outcome: &Outcome) -> Vec<String> {
              contact.stiffness_exponent makes them harder"
         ));
     }
+    doubts.extend(created_energy_warning(scene, course));
     doubts
 }
 
@@ -332,6 +447,15 @@ mod tests {
         let text = include_str!("../configs/settle.toml");
         let sets: Vec<String> = extra.iter().map(ToString::to_string).collect();
         Scene::parse("settle.toml", text, &sets).unwrap()
+    }
+
+    /// settle.toml with another solver table.
+    fn scene_with_solver(table: &str) -> Scene {
+        let text = include_str!("../configs/settle.toml");
+        let (before, rest) = text.split_once("[solver]").unwrap();
+        let after = rest.split_once("\n[").map_or("", |(_, after)| after);
+        let text = format!("{before}[solver]\n{table}\n[{after}");
+        Scene::parse("settle.toml", &text, &[]).unwrap()
     }
 
     #[test]
@@ -368,6 +492,87 @@ mod tests {
     fn deep_overlaps_at_the_start_are_warned_of() {
         assert_eq!(overlap_warning(&scene(&[]), 0.029), None);
         assert!(overlap_warning(&scene(&[]), 0.17).unwrap().contains("1.70 of the radius"));
+    }
+
+    fn course(residual: f64) -> Course {
+        Course {
+            count: 1,
+            kinetic_energy: 1.0,
+            potential_energy: 2.0 + residual,
+            dissipated: [3.0, 4.0],
+            start_energy: 10.0,
+            largest_kinetic_energy: 5.0,
+            ..Course::default()
+        }
+    }
+
+    #[test]
+    fn created_energy_is_warned_of_where_the_balance_is_kept_and_lost_energy_is_not() {
+        let kept = scene(&["output.energy=true"]);
+        // 1e-3 of 5 J.
+        let warning = created_energy_warning(&kept, &course(6e-3)).unwrap();
+        assert!(warning.contains("6.000e-3 J") && warning.contains("1.2e-3 of the largest"), "{warning}");
+        assert!(warning.contains("a smaller solver.tolerance"), "{warning}");
+        for residual in [4e-3, 0.0, -6.0] {
+            assert_eq!(created_energy_warning(&kept, &course(residual)), None, "{residual} J");
+        }
+        assert_eq!(created_energy_warning(&scene(&[]), &course(6.0)), None);
+    }
+
+    #[test]
+    fn rounding_in_a_bed_at_rest_is_not_created_energy() {
+        let kept = scene(&["output.energy=true"]);
+        let still = Course { largest_kinetic_energy: 1e-20, ..course(1e-14) };
+        assert!(still.residual() > 0.0);
+        assert_eq!(created_energy_warning(&kept, &still), None);
+    }
+
+    #[test]
+    fn a_step_of_its_own_is_named_where_there_is_no_tolerance() {
+        let fixed = scene_with_solver("method = 'velocity-verlet'\nstep = 1e-5");
+        assert_eq!(solver(&fixed, &Start::default()), "velocity-verlet, fixed step 1e-5 s");
+        let fixed = Scene { output: scene(&["output.energy=true"]).output, ..fixed };
+        assert!(created_energy_warning(&fixed, &course(6.0)).unwrap().contains("a smaller solver.step"));
+    }
+
+    #[test]
+    fn the_solver_of_a_scene_reads_like_a_sentence() {
+        let start = Start::default();
+        assert_eq!(
+            solver(&scene(&[]), &start),
+            "merson, tolerance 0.1 in the paper's norm (m/s, m/s^2 and rad/s^2 alike)"
+        );
+        // sqrt(9.81 * 0.1).
+        let auto = scene_with_solver("");
+        assert_eq!(
+            solver(&auto, &start),
+            "auto, tolerance 0.001 in the scaled norm (velocities over 0.990 m/s)"
+        );
+        let slow = scene_with_solver("velocity_scale = 0.00125\ntolerance = 1e-7");
+        assert_eq!(
+            solver(&slow, &start),
+            "auto, tolerance 1e-7 in the scaled norm (velocities over 1.25e-3 m/s)"
+        );
+    }
+
+    #[test]
+    fn only_what_decided_a_step_size_is_told() {
+        let mut limits = [0; Limit::ALL.len()];
+        (limits[0], limits[3]) = (5120, 14);
+        assert_eq!(step_sizes(&limits), "set by error 5120, travel 14");
+    }
+
+    #[test]
+    fn memory_is_counted_for_the_method_that_will_run() {
+        // Slopes and stage of the tables; stages and a direction's of Chebyshev; a half step of Verlet; beside the five
+        // vectors of every step, of nine numbers each.
+        for (method, vectors) in
+            [("merson", 5), ("dormand-prince", 7), ("chebyshev", 7), ("velocity-verlet", 1), ("auto", 14)]
+        {
+            assert_eq!(state_vectors(method), 5 + vectors, "{method}");
+        }
+        let of = |method: &str| bytes_per_particle(&scene_with_solver(&format!("method = '{method}'")));
+        assert_eq!(of("auto") - of("chebyshev"), 7 * 72);
     }
 
     #[test]

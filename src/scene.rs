@@ -185,9 +185,8 @@ pub struct Solver {
 /// `solver.norm` with the published error rate.
 pub const PAPER_NORM: &str = "paper";
 
-/// Tolerances where the scene says nothing, in the scaled and in the paper's norm.
-pub const DEFAULT_TOLERANCE: f64 = 1e-3;
-const PAPER_TOLERANCE: f64 = 0.1;
+/// Tolerance where the scene says nothing.
+pub const DEFAULT_TOLERANCE: f64 = 0.1;
 
 impl Default for Solver {
     fn default() -> Self {
@@ -253,8 +252,7 @@ impl Scene {
     fn fill_in_tolerance(&mut self) {
         let solver = &mut self.solver;
         if solver.step.is_none() {
-            let default = if solver.norm == PAPER_NORM { PAPER_TOLERANCE } else { DEFAULT_TOLERANCE };
-            solver.tolerance.get_or_insert(default);
+            solver.tolerance.get_or_insert(DEFAULT_TOLERANCE);
         }
     }
 
@@ -298,7 +296,6 @@ mod tests {
         assert_eq!(scene.friction, None);
         assert_eq!((scene.solver.method.as_str(), scene.solver.norm.as_str()), ("auto", "scaled"));
         assert_eq!((scene.solver.tolerance, scene.solver.initial_step), (Some(DEFAULT_TOLERANCE), 0.1));
-        assert_eq!(parse(&["solver.norm=paper"]).unwrap().solver.tolerance, Some(0.1));
         assert_eq!((scene.solver.min_step, scene.solver.max_step), (1e-9, f64::INFINITY));
         assert_eq!(scene.output.file, Some("short.vtkhdf".into()));
         assert_eq!(scene.output.interval, Some(0.08));

@@ -78,6 +78,7 @@ fn a_dry_run_tells_effects_counts_memory_and_slabs_and_writes_nothing() {
     }
     assert!(told.line("particles").contains("200 of radius 0.1 m"));
     assert!(told.line("time").contains("to t = 8 s, 401 frames"));
+    assert!(told.line("solver").contains("merson, tolerance 0.1 in the paper's norm"));
     assert!(told.line("memory").contains("bytes a particle"));
     assert!(told.line("output").contains("settle.vtkhdf") && !told.stdout.contains("refused"));
     assert!(told.line("ranks").contains("2 with 3 threads"));
@@ -132,14 +133,14 @@ fn a_run_without_mpirun_writes_the_scenes_stem_into_the_working_folder() {
     }
     let results = Results::open(&work.path().join("heap.vtkhdf"));
     assert_eq!((results.frames(), results.particles(), results.count("completed")), (101, 8, 1));
-    assert_eq!((results.count("ranks"), results.text("method").as_str()), (1, "merson"));
+    assert_eq!((results.count("ranks"), results.text("method").as_str()), (1, "auto"));
     let cores = std::thread::available_parallelism().unwrap().get();
     assert_eq!(results.count("threads"), cores as i64);
     assert_eq!(results.text("version"), env!("CARGO_PKG_VERSION"));
-    assert_eq!((results.real("tolerance"), results.real("mass")), (0.1, 1.0));
+    assert_eq!((results.real("tolerance"), results.real("mass")), (1e-3, 1.0));
     assert!(results.real("wall_seconds") > 0.0 && !results.text("commit").is_empty());
     // The attributes are those of the last frame, and the summary's.
-    for name in ["steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations"] {
+    for name in ["steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "lists_built"] {
         assert_eq!(
             results.counts(&format!("run/series/{name}")).last(),
             Some(&results.count(name)),
@@ -148,9 +149,41 @@ fn a_run_without_mpirun_writes_the_scenes_stem_into_the_working_folder() {
     }
     let [accepted, rejected] = ["steps_accepted", "steps_rejected"].map(|name| results.count(name));
     assert!(accepted > 10 && ended.stdout.contains(&format!("{accepted} accepted, {rejected} rejected")));
+    let method = ended.line("method");
+    assert!(
+        method.contains(&results.text("choice")) && method.contains("0.001 in the scaled norm"),
+        "{method}"
+    );
+    let sizes = ended.line("step sizes");
+    let limits = ["error", "growth", "stability", "travel", "maximum", "minimum", "first", "end"];
+    for (name, steps) in limits.map(|name| (name, results.count(&format!("limited_by_{name}")))) {
+        assert_eq!(sizes.contains(&format!("{name} {steps}")), steps > 0, "{name} of {steps} steps: {sizes}");
+    }
+    assert!(!ended.stdout.contains("dissipated"), "nobody asked for it:\n{}", ended.stdout);
     // Frames are a product of number and interval, the last one is t_end's.
     let times = results.times();
     assert!((0..100).all(|k| times[k] == k as f64 * 0.001) && times[100] == 0.1, "{times:?}");
+}
+
+#[test]
+fn the_summary_closes_the_energy_balance_where_it_is_kept() {
+    let folder = folder();
+    let sets = ["output.energy=true", "solver.method=dormand-prince", "solver.tolerance=1e-7"];
+    let sets: Vec<_> = sets.into_iter().flat_map(|set| ["--set", set]).collect();
+    let ended = Job::alone(folder.path(), &["heap.toml", "-q"]).and(&sets).run().with_code(0);
+    assert_eq!(ended.stderr, "", "nothing to warn of");
+    let results = Results::open(&folder.path().join("heap.vtkhdf"));
+    let last = |name: &str| *results.reals(&format!("run/series/{name}")).last().unwrap();
+    let [rebound, friction] = ["dissipated_rebound", "dissipated_friction"].map(last);
+    let told = format!("by rebound {rebound:.6e} J, by friction {friction:.6e} J");
+    assert!(rebound > 0.0 && ended.line("dissipated").ends_with(&told), "{}", ended.stdout);
+    let first = |name: &str| results.reals(&format!("run/series/{name}"))[0];
+    let energy = |of: &dyn Fn(&str) -> f64| of("kinetic_energy") + of("potential_energy");
+    let residual = energy(&last) + rebound + friction - energy(&first);
+    let balance = ended.line("energy balance");
+    let told: f64 = balance.split(" = ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    // The sum in another order: rounding of some 10 J; and four digits are told.
+    assert!((told - residual).abs() < 1e-13 + 1e-3 * residual.abs(), "{balance}, not {residual:e}");
 }
 
 #[test]
@@ -172,7 +205,7 @@ fn a_drawn_seed_is_recorded_and_the_recorded_scene_gives_the_same_bits() {
     assert_eq!(scene["friction"]["rotation"].as_bool(), Some(false));
     assert_eq!(scene["particles"]["mass"].as_float(), Some(2.0));
     assert_eq!(scene["output"]["file"].as_str(), Some("first.vtkhdf"));
-    assert_eq!(scene["solver"]["method"].as_str(), Some("merson"), "defaults are written out");
+    assert_eq!(scene["solver"]["method"].as_str(), Some("auto"), "defaults are written out");
     // Into another folder, under the recorded name.
     let again = TempDir::new().unwrap();
     fs::write(again.path().join("recorded.toml"), first.text("scene")).unwrap();

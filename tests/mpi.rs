@@ -182,6 +182,21 @@ fn assert_same_as_alone(bodies: &[[f64; 9]], container: &str, ranks: usize) -> R
     alone
 }
 
+#[test]
+fn ranks_do_not_matter_to_the_energy_that_contacts_dissipate() {
+    let text = format!("output.energy = true\n{}", scene(0.12, 0.02, WIDE_BOX, ROTATION));
+    let folder = folder(&text, &csv(&rushing_column(), true));
+    let alone = results(folder.path(), 1, 1);
+    for name in ["dissipated_rebound", "dissipated_friction"] {
+        let energy = alone.reals(&format!("run/series/{name}"));
+        assert_eq!((energy.len(), energy[0]), (7, 0.0), "{name}");
+        assert!(energy[6] > 1.0, "{name}: {} J is little to compare", energy[6]);
+    }
+    for ranks in [2, 3] {
+        assert_same_bits(&alone, &results(folder.path(), ranks, 1), &format!("{ranks} ranks against 1"));
+    }
+}
+
 /// Spheres of one layer with a square of `side` spheres; heights between `low` and `high` (m).
 fn layer(side: usize, low: f64, high: f64) -> Vec<[f64; 9]> {
     let mut uniform = Uniform(3);

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Reads an output file of demhybrid the way its users do, with h5py and with VTK, and compares the two.
 
-    python3 read_frames.py FILE [--particles N] [--frames T] [--rotation yes|no]
+    python3 read_frames.py FILE [--particles N] [--frames T] [--rotation yes|no] [--energy yes|no] [--fixed-step yes|no]
 
 Needs h5py, numpy and vtk 9.3 or later. Works on the file of a killed run as well: `NSteps` alone says how many frames
 there are. Prints one line and leaves with 0, or says what is wrong and leaves with 1.
@@ -20,12 +20,17 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 SERIES = {
     "time": "f8", "step": "f8", "kinetic_energy": "f8", "potential_energy": "f8", "largest_overlap": "f8",
     "bed_height": "f8", "wall_seconds": "f8", "steps_accepted": "i8", "steps_rejected": "i8", "steps_outrun": "i8",
-    "rhs_evaluations": "i8", "pair_evaluations": "i8",
+    "rhs_evaluations": "i8", "pair_evaluations": "i8", "lists_built": "i8",
 }
-COUNTS = ["ranks", "threads", "steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "forced_accepts",
-          "completed"]
-REALS = ["tolerance", "mass", "wall_seconds"]
-TEXTS = ["version", "commit", "method", "instruction_set"]
+# Columns that are there together or not at all.
+DISSIPATED = ["dissipated_rebound", "dissipated_friction"]
+# What may decide the size of a step.
+LIMITS = ["error", "growth", "stability", "travel", "maximum", "minimum", "first", "end"]
+COUNTS = ["ranks", "threads", "steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "pair_evaluations",
+          "lists_built", "forced_accepts", "completed", *(f"limited_by_{limit}" for limit in LIMITS)]
+REALS = ["tolerance", "velocity_scale", "mass", "wall_seconds",
+         *(f"seconds_{part}" for part in ("forces", "ghosts", "lists", "reduction", "output"))]
+TEXTS = ["version", "commit", "method", "norm", "instruction_set"]
 
 
 def check(claim, otherwise):
@@ -89,14 +94,28 @@ def check_layout():
     for name in COUNTS + REALS:
         dtype = np.int64 if name in COUNTS else np.float64
         check(name in run.attrs and run.attrs[name].dtype == dtype, f"/run has no attribute {name} of {dtype}")
-    for name in TEXTS + (["scene"] if "scene_text" not in run else []):
+    completed = bool(run.attrs["completed"])
+    texts = TEXTS + (["scene"] if "scene_text" not in run else []) + (["choice"] if completed else [])
+    for name in texts:
         check(isinstance(run.attrs.get(name), str), f"/run has no text attribute {name}")
-    for name, dtype in SERIES.items():
+    if "step" in run.attrs:
+        check(run.attrs["step"].dtype == np.float64 and run.attrs["step"] > 0, "/run has a step that is none")
+    check(("step" in run.attrs) != (run.attrs["tolerance"] > 0), "/run has a step and a tolerance, or neither")
+    limited = sum(run.attrs[f"limited_by_{limit}"] for limit in LIMITS)
+    accepted = run.attrs["steps_accepted"]
+    # A kill may come between two attributes.
+    check(limited == accepted or not completed, f"limits decided {limited} steps, {accepted} were accepted")
+    energy = {name: "f8" for name in DISSIPATED if name in run["series"]}
+    check(len(energy) in (0, len(DISSIPATED)), f"of {DISSIPATED} only {list(energy)} is there")
+    for name, dtype in (SERIES | energy).items():
         check_array(f"run/series/{name}", dtype, frames)
+    for name in energy:
+        column = run["series"][name][:frames]
+        check((column[:1] == 0).all() and (np.diff(column) >= 0).all(), f"{name} does not grow from 0")
     times = file["VTKHDF/Steps/Values"][:]
     check(np.array_equal(file["run/series/time"][:frames], times), "series/time and Steps/Values differ")
     check((np.diff(times) > 0).all(), "the times of the frames do not increase")
-    return frames, particles, rotation, bool(run.attrs["completed"])
+    return frames, particles, rotation, completed
 
 
 def check_vtk(frames, particles, rotation):
@@ -136,6 +155,8 @@ parser.add_argument("file")
 parser.add_argument("--particles", type=int, help="how many there must be")
 parser.add_argument("--frames", type=int, help="how many there must be")
 parser.add_argument("--rotation", choices=["yes", "no"], help="whether there must be angular velocities")
+parser.add_argument("--energy", choices=["yes", "no"], help="whether there must be dissipated energies")
+parser.add_argument("--fixed-step", choices=["yes", "no"], help="whether the method must have a step of its own")
 arguments = parser.parse_args()
 
 try:
@@ -147,11 +168,15 @@ with file:
         frames, particles, rotation, completed = check_layout()
         check_vtk(frames, particles, rotation)
         last = float(file["VTKHDF/Steps/Values"][-1]) if frames else None
+        energy, fixed_step = DISSIPATED[0] in file["run/series"], "step" in file["run"].attrs
     except (KeyError, OSError) as why:
         sys.exit(f"{arguments.file}: {why}")
 for name, found in (("particles", particles), ("frames", frames)):
     asked = getattr(arguments, name)
     check(asked is None or asked == found, f"{found} {name}, not {asked}")
 check(arguments.rotation in (None, "yes" if rotation else "no"), f"rotation is {'on' if rotation else 'off'}")
+for what, asked, found in (("dissipated energies", arguments.energy, energy),
+                           ("attributes of a fixed step", arguments.fixed_step, fixed_step)):
+    check(asked in (None, "yes" if found else "no"), f"{what} {'are there' if found else 'are missing'}")
 print(f"{arguments.file}: {frames} frames of {particles} particles, last at {last} s, rotation "
       f"{'on' if rotation else 'off'}, {'completed' if completed else 'not completed'}: h5py and VTK agree")

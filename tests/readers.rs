@@ -8,6 +8,7 @@
 mod mpirun;
 
 use mpirun::{Job, PACKAGE, Results, kill};
+use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -55,7 +56,8 @@ fn a_run_with_rotation_on_two_ranks_opens_in_h5py_and_vtk() {
     let Some(python) = python() else { return };
     let (folder, job) = quick(2, &["--set", "t_end=0.3"]);
     job.run().with_code(0);
-    let expected = ["--particles", "27", "--frames", "31", "--rotation", "yes"];
+    let expected =
+        ["--particles", "27", "--frames", "31", "--rotation", "yes", "--energy", "no", "--fixed-step", "no"];
     let said = read(&python, &folder.path().join("quick.vtkhdf"), &expected);
     assert!(said.contains("last at 0.3 s") && said.contains(", completed"), "{said}");
 }
@@ -68,6 +70,34 @@ fn a_basic_run_opens_in_h5py_and_vtk_without_spins() {
     let expected = ["--particles", "27", "--frames", "31", "--rotation", "no"];
     let said = read(&python, &folder.path().join("quick.vtkhdf"), &expected);
     assert!(said.contains(", completed"), "{said}");
+}
+
+#[test]
+fn a_run_that_keeps_its_energy_balance_opens_in_h5py_and_vtk_with_what_was_dissipated() {
+    let Some(python) = python() else { return };
+    let (folder, job) = quick(2, &["--set", "t_end=0.3", "--set", "output.energy=true"]);
+    job.run().with_code(0);
+    let file = folder.path().join("quick.vtkhdf");
+    read(&python, &file, &["--particles", "27", "--frames", "31", "--energy", "yes"]);
+    // Reals of /run that the run above must have set.
+    let results = Results::open(&file);
+    for part in ["forces", "ghosts", "lists", "reduction", "output"] {
+        assert!(results.real(&format!("seconds_{part}")) > 0.0, "{part} took no time");
+    }
+}
+
+#[test]
+fn a_run_with_a_fixed_step_opens_in_h5py_and_vtk_with_that_step() {
+    let Some(python) = python() else { return };
+    let folder = TempDir::new().unwrap();
+    let scene = fs::read_to_string(format!("{PACKAGE}/configs/quick.toml")).unwrap();
+    let (before, rest) = scene.split_once("[solver]").unwrap();
+    let (_, output) = rest.split_once("[output]").unwrap();
+    let solver = "[solver]\nmethod = \"velocity-verlet\"\nstep = 1e-4\n";
+    fs::write(folder.path().join("quick.toml"), format!("{before}{solver}[output]{output}")).unwrap();
+    Job::on(2, folder.path(), &["quick.toml", "--set", "t_end=0.1"]).run().with_code(0);
+    let expected = ["--particles", "27", "--frames", "6", "--fixed-step", "yes", "--energy", "no"];
+    read(&python, &folder.path().join("quick.vtkhdf"), &expected);
 }
 
 #[test]

@@ -234,8 +234,14 @@ pub trait Method<P: Ivp> {
         i: usize,
     ) -> Option<P::State>;
     /// Error of owned particle `i` in the last trial, of step `h` (s).
-    fn error_of(&self, i: usize, h: f64, norm: &Norm, anchor: &Anchor<P::State>, trial: &Trial<P::State>)
-    -> f64;
+    fn error_of(
+        &self,
+        i: usize,
+        h: f64,
+        norm: &Norm,
+        anchor: &Anchor<P::State>,
+        trial: &Trial<P::State>,
+    ) -> f64;
     /// State vectors that the method holds beside anchor and trial.
     fn vectors(&self) -> usize;
 }

@@ -16,7 +16,12 @@ impl<S: Linear> RungeKutta<S> {
     /// For `tableau`; buffers follow the number of owned particles.
     pub fn new(tableau: &'static Tableau) -> Self {
         let rest = tableau.stages() - 1;
-        RungeKutta { tableau, slopes: vec![Vec::new(); rest], losses: vec![[0.0; 2]; rest], stage: Vec::new() }
+        RungeKutta {
+            tableau,
+            slopes: vec![Vec::new(); rest],
+            losses: vec![[0.0; 2]; rest],
+            stage: Vec::new(),
+        }
     }
 
     /// The weighted sum of the slopes of particle `i`, times `h`.

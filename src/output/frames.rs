@@ -14,6 +14,7 @@ use hdf5::{Dataset, Extent, File, Group, Location, Result};
 use super::collective::{Row, Transfer};
 use super::{Measures, Rows, RunInfo};
 use crate::domain::comm::Comm;
+use crate::ode::Limit;
 
 /// Rows that the small arrays, one row per frame, grow by on disk.
 const FRAMES_PER_CHUNK: u64 = 1024;
@@ -36,30 +37,58 @@ const REAL_COLUMNS: [RealColumn; 7] = [
     ("wall_seconds", |m| m.wall_seconds),
 ];
 
+/// The columns of `/run/series` that are there only if dissipated energy is to be written.
+const ENERGY_COLUMNS: [RealColumn; 2] =
+    [("dissipated_rebound", |m| m.dissipated[0]), ("dissipated_friction", |m| m.dissipated[1])];
+
+/// The reals that are attributes of `/run`, as of the last frame.
+const REAL_ATTRIBUTES: [RealColumn; 6] = [
+    ("wall_seconds", |m| m.wall_seconds),
+    ("seconds_forces", |m| m.seconds.forces),
+    ("seconds_ghosts", |m| m.seconds.ghosts),
+    ("seconds_lists", |m| m.seconds.lists),
+    ("seconds_reduction", |m| m.seconds.reduction),
+    ("seconds_output", |m| m.seconds.output),
+];
+
 /// The columns of `/run/series` that are counts.
 type CountColumn = (&'static str, fn(&Measures) -> u64);
-const COUNT_COLUMNS: [CountColumn; 5] = [
+const COUNT_COLUMNS: [CountColumn; 6] = [
     ("steps_accepted", |m| m.steps_accepted),
     ("steps_rejected", |m| m.steps_rejected),
     ("steps_outrun", |m| m.steps_outrun),
     ("rhs_evaluations", |m| m.rhs_evaluations),
     ("pair_evaluations", |m| m.pair_evaluations),
+    ("lists_built", |m| m.lists_built),
 ];
 
-/// The counts that are attributes of `/run` as well, as of the last frame.
-const COUNT_ATTRIBUTES: [CountColumn; 5] = [
+/// The counts that are attributes of `/run` as well, as of the last frame, beside those of the limits.
+const COUNT_ATTRIBUTES: [CountColumn; 7] = [
     ("steps_accepted", |m| m.steps_accepted),
     ("steps_rejected", |m| m.steps_rejected),
     ("steps_outrun", |m| m.steps_outrun),
     ("rhs_evaluations", |m| m.rhs_evaluations),
+    ("pair_evaluations", |m| m.pair_evaluations),
+    ("lists_built", |m| m.lists_built),
     ("forced_accepts", |m| m.forced_accepts),
 ];
+
+/// The attribute of `/run` that counts the accepted steps whose size `limit` decided.
+fn limit_attribute(limit: Limit) -> String {
+    format!("limited_by_{}", limit.name())
+}
 
 /// A bookkeeping array of VTKHDF, one row per frame: `first + k * stride` in row k.
 struct Schedule {
     array: Dataset,
     first: i64,
     stride: i64,
+}
+
+/// A column of `/run/series`, and the measure that fills it.
+struct Column<N> {
+    array: Dataset,
+    measure: fn(&Measures) -> N,
 }
 
 /// The open file. Fields are closed in this order: arrays, groups, file.
@@ -72,8 +101,8 @@ pub struct Frames {
     schedules: Vec<Schedule>,
     /// Where a frame's cells start, for VTK's four kinds of cells: always 0, all frames share them.
     cell_offsets: Vec<Dataset>,
-    real_columns: Vec<Dataset>,
-    count_columns: Vec<Dataset>,
+    real_columns: Vec<Column<f64>>,
+    count_columns: Vec<Column<u64>>,
     /// `Steps/Values`, s: never longer than `NSteps` says, or VTK's reader crashes.
     times: Dataset,
     steps: Group,
@@ -184,12 +213,17 @@ impl Frames {
                 .collect::<Result<_>>()?,
             times: growing::<f64>(&steps, "Values", FRAMES_PER_CHUNK)?,
             real_columns: REAL_COLUMNS
-                .iter()
-                .map(|(name, _)| growing::<f64>(&series, name, FRAMES_PER_CHUNK))
+                .into_iter()
+                .chain(ENERGY_COLUMNS.into_iter().filter(|_| info.energy))
+                .map(|(name, measure)| {
+                    Ok(Column { array: growing::<f64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                })
                 .collect::<Result<_>>()?,
             count_columns: COUNT_COLUMNS
-                .iter()
-                .map(|(name, _)| growing::<i64>(&series, name, FRAMES_PER_CHUNK))
+                .into_iter()
+                .map(|(name, measure)| {
+                    Ok(Column { array: growing::<i64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                })
                 .collect::<Result<_>>()?,
             run,
             steps,
@@ -260,11 +294,11 @@ impl Frames {
         for array in &self.cell_offsets {
             self.put(array, k, [0_i64; 4])?;
         }
-        for (array, (_, real)) in self.real_columns.iter().zip(REAL_COLUMNS) {
-            self.put(array, k, real(measures))?;
+        for Column { array, measure } in &self.real_columns {
+            self.put(array, k, measure(measures))?;
         }
-        for (array, (_, number)) in self.count_columns.iter().zip(COUNT_COLUMNS) {
-            self.put(array, k, number(measures) as i64)?;
+        for Column { array, measure } in &self.count_columns {
+            self.put(array, k, measure(measures) as i64)?;
         }
         self.flush(self.growth(k))?;
 
@@ -281,9 +315,11 @@ impl Frames {
     }
 
     /// Final attributes. Collective.
-    pub fn complete(&mut self, measures: &Measures) -> Result<()> {
+    pub fn complete(&mut self, measures: &Measures, choice: &str) -> Result<()> {
         self.count_up(measures)?;
-        self.flush(0)?;
+        // Known only now, and as long as it likes: a new attribute, which may make the file longer.
+        set_new_text(&self.run, "choice", choice)?;
+        self.flush(choice.len() as u64 + INDEX_BYTES)?;
         set(&self.run, "completed", 1_i64)?;
         self.flush(0)
     }
@@ -329,7 +365,13 @@ impl Frames {
         for (name, count) in COUNT_ATTRIBUTES {
             set(&self.run, name, count(measures) as i64)?;
         }
-        set(&self.run, "wall_seconds", measures.wall_seconds)
+        for (limit, steps) in Limit::ALL.into_iter().zip(measures.limits) {
+            set(&self.run, &limit_attribute(limit), steps as i64)?;
+        }
+        for (name, real) in REAL_ATTRIBUTES {
+            set(&self.run, name, real(measures))?;
+        }
+        Ok(())
     }
 
     /// This rank's rows of frame `k`. Collective.
@@ -366,6 +408,11 @@ fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: boo
     }
     set_new_text(&run, "method", &info.method)?;
     set_new(&run, "tolerance", info.tolerance)?;
+    if let Some(step) = info.step {
+        set_new(&run, "step", step)?;
+    }
+    set_new_text(&run, "norm", &info.norm)?;
+    set_new(&run, "velocity_scale", info.velocity_scale)?;
     set_new(&run, "mass", info.mass)?;
     set_new(&run, "ranks", info.ranks as i64)?;
     set_new(&run, "threads", info.threads as i64)?;
@@ -373,7 +420,12 @@ fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: boo
     for (name, _) in COUNT_ATTRIBUTES {
         set_new(&run, name, 0_i64)?;
     }
-    set_new(&run, "wall_seconds", 0.0)?;
+    for limit in Limit::ALL {
+        set_new(&run, &limit_attribute(limit), 0_i64)?;
+    }
+    for (name, _) in REAL_ATTRIBUTES {
+        set_new(&run, name, 0.0)?;
+    }
     set_new(&run, "completed", 0_i64)?;
     Ok(run)
 }

@@ -6,9 +6,10 @@ use hdf5::types::{FixedAscii, IntSize, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File};
 use tempfile::TempDir;
 
-use super::{Measures, Output, Rows, RunInfo};
+use super::{Measures, Output, Rows, RunInfo, Seconds};
 use crate::domain::comm::Solo;
 use crate::error::Error;
+use crate::ode::Limit;
 
 const COUNT: u64 = 3;
 const RADIUS: f64 = 0.1;
@@ -20,6 +21,10 @@ fn info(scene: &str) -> RunInfo {
         scene: scene.to_string(),
         method: "merson".to_string(),
         tolerance: 0.1,
+        step: None,
+        norm: "paper".to_string(),
+        velocity_scale: 0.75,
+        energy: false,
         mass: 1.5,
         ranks: 1,
         threads: 2,
@@ -38,12 +43,22 @@ fn measures(k: u64) -> Measures {
         steps_outrun: 30 + k,
         rhs_evaluations: 40 + k,
         pair_evaluations: 50 + k,
+        lists_built: 70 + k,
         forced_accepts: 60 + k,
+        limits: std::array::from_fn(|limit| 100 * (limit as u64 + 1) + k),
         kinetic_energy: 2.0 + x,
         potential_energy: 3.0 + x,
+        dissipated: [7.0 + x, 8.0 + x],
         largest_overlap: 4.0 + x,
         bed_height: 5.0 + x,
         wall_seconds: 6.0 + x,
+        seconds: Seconds {
+            forces: 0.5 + x,
+            ghosts: 0.25 + x,
+            lists: 0.125 + x,
+            reduction: 0.0625 + x,
+            output: 0.75 + x,
+        },
     }
 }
 
@@ -65,9 +80,23 @@ fn written(frames: u64, rotation: bool, scene: &str) -> (TempDir, File) {
     for k in 0..frames {
         append(&mut output, k, rotation);
     }
-    output.finish(&measures(frames)).unwrap();
+    output.finish(&measures(frames), CHOICE).unwrap();
     let file = File::open(path).unwrap();
     (folder, file)
+}
+
+/// What the run says of its method in the end.
+const CHOICE: &str = "merson, for its ω";
+
+/// A finished file of `frames` frames with what `change` makes of its description.
+fn described(frames: u64, change: impl FnOnce(&mut RunInfo)) -> (TempDir, File) {
+    let (folder, path) = place();
+    let mut info = info("");
+    change(&mut info);
+    let mut output = Output::create(&Solo, &path, &info, COUNT, RADIUS, false, 0..COUNT).unwrap();
+    (0..frames).for_each(|k| append(&mut output, k, false));
+    output.finish(&measures(frames), CHOICE).unwrap();
+    (folder, File::open(path).unwrap())
 }
 
 fn place() -> (TempDir, PathBuf) {
@@ -107,6 +136,12 @@ fn frames_in(file: &File) -> i64 {
 fn run_count(file: &File, name: &str) -> i64 {
     let attribute = file.group("run").unwrap().attr(name).unwrap();
     assert!(attribute.dtype().unwrap().is::<i64>(), "{name}");
+    attribute.read_scalar().unwrap()
+}
+
+fn run_real(file: &File, name: &str) -> f64 {
+    let attribute = file.group("run").unwrap().attr(name).unwrap();
+    assert!(attribute.dtype().unwrap().is::<f64>(), "{name}");
     attribute.read_scalar().unwrap()
 }
 
@@ -210,11 +245,66 @@ fn series_has_one_row_of_measures_for_each_frame() {
     for (name, start) in
         [("steps_accepted", 10), ("steps_rejected", 20), ("steps_outrun", 30), ("rhs_evaluations", 40)]
             .into_iter()
-            .chain([("pair_evaluations", 50)])
+            .chain([("pair_evaluations", 50), ("lists_built", 70)])
     {
         assert_eq!(counts(&file, &format!("run/series/{name}")), [start, start + 1, start + 2], "{name}");
     }
-    assert_eq!(file.group("run/series").unwrap().len(), 12);
+    assert_eq!(file.group("run/series").unwrap().len(), 13);
+}
+
+#[test]
+fn dissipated_energy_has_columns_only_where_it_is_asked_for() {
+    let names = ["dissipated_rebound", "dissipated_friction"].map(|name| format!("run/series/{name}"));
+    let (_folder, file) = described(2, |_| ());
+    assert!(names.iter().all(|name| !file.link_exists(name)));
+    let (_folder, file) = described(2, |info| info.energy = true);
+    assert_eq!(reals(&file, &names[0]), [7.0, 8.0]);
+    assert_eq!(reals(&file, &names[1]), [8.0, 9.0]);
+    assert_eq!(file.group("run/series").unwrap().len(), 15);
+}
+
+#[test]
+fn run_counts_the_steps_that_every_limit_decided() {
+    let (_folder, file) = described(2, |_| ());
+    for (k, limit) in Limit::ALL.into_iter().enumerate() {
+        let name = format!("limited_by_{}", limit.name());
+        assert_eq!(run_count(&file, &name), 100 * (k as i64 + 1) + 2, "{name}");
+    }
+}
+
+#[test]
+fn seconds_of_a_killed_run_are_those_of_its_last_frame() {
+    let names = ["forces", "ghosts", "lists", "reduction", "output"].map(|part| format!("seconds_{part}"));
+    let (_folder, path) = place();
+    let mut output = create(&path, false, "");
+    append(&mut output, 0, false);
+    append(&mut output, 1, false);
+    drop(output);
+    let (_other, completed) = described(2, |_| ());
+    for (file, k) in [(File::open(path).unwrap(), 1.0), (completed, 2.0)] {
+        let found: Vec<f64> = names.iter().map(|name| run_real(&file, name)).collect();
+        assert_eq!(found, [0.5, 0.25, 0.125, 0.0625, 0.75].map(|part| part + k));
+    }
+}
+
+#[test]
+fn a_fixed_step_is_an_attribute_only_of_a_method_that_has_one() {
+    let (_folder, file) = described(0, |_| ());
+    assert!(file.group("run").unwrap().attr("step").is_err());
+    assert_eq!(run_real(&file, "tolerance"), 0.1);
+    let (_folder, file) = described(0, |info| (info.step, info.tolerance) = (Some(1e-5), 0.0));
+    assert_eq!((run_real(&file, "step"), run_real(&file, "tolerance")), (1e-5, 0.0));
+}
+
+#[test]
+fn the_choice_of_the_method_is_told_when_the_run_is_completed() {
+    let (_folder, path) = place();
+    let mut output = create(&path, false, "");
+    append(&mut output, 0, false);
+    drop(output);
+    assert!(File::open(&path).unwrap().group("run").unwrap().attr("choice").is_err());
+    let (_folder, file) = described(1, |_| ());
+    assert_eq!(run_text(&file, "choice"), CHOICE);
 }
 
 #[test]
@@ -233,8 +323,8 @@ fn run_attributes_follow_the_last_frame_until_the_run_is_completed() {
     assert_eq!((run_count(&file, "steps_accepted"), run_count(&file, "forced_accepts")), (12, 62));
     assert_eq!((run_count(&file, "steps_rejected"), run_count(&file, "steps_outrun")), (22, 32));
     assert_eq!((run_count(&file, "rhs_evaluations"), run_count(&file, "completed")), (42, 1));
-    let wall = file.group("run").unwrap().attr("wall_seconds").unwrap();
-    assert_eq!(wall.read_scalar::<f64>().unwrap(), 8.0);
+    assert_eq!((run_count(&file, "pair_evaluations"), run_count(&file, "lists_built")), (52, 72));
+    assert_eq!(run_real(&file, "wall_seconds"), 8.0);
 }
 
 #[test]
@@ -247,9 +337,9 @@ fn run_describes_itself_in_utf8() {
     assert_eq!(run_text(&file, "method"), "merson");
     assert_eq!(run_text(&file, "instruction_set"), "avx2+fma");
     assert_eq!((run_count(&file, "ranks"), run_count(&file, "threads")), (1, 2));
-    for (name, value) in [("tolerance", 0.1), ("mass", 1.5)] {
-        let attribute = file.group("run").unwrap().attr(name).unwrap();
-        assert_eq!(attribute.read_scalar::<f64>().unwrap(), value, "{name}");
+    assert_eq!(run_text(&file, "norm"), "paper");
+    for (name, value) in [("tolerance", 0.1), ("velocity_scale", 0.75), ("mass", 1.5)] {
+        assert_eq!(run_real(&file, name), value, "{name}");
     }
     assert!(!file.group("run").unwrap().link_exists("scene_text"));
 }
@@ -290,7 +380,7 @@ fn after_a_failed_write_the_file_is_not_touched_any_more() {
     let (x, v) = (vectors(1, 0.5), vectors(1, 1.5));
     let rows = Rows { first: 0, position: &x, velocity: &v, angular_velocity: None };
     assert!(output.append(&rows, &measures(1)).is_err());
-    assert_eq!(output.finish(&measures(1)).unwrap_err().exit_code(), 4);
+    assert_eq!(output.finish(&measures(1), CHOICE).unwrap_err().exit_code(), 4);
     assert_eq!(std::fs::read(&path).unwrap(), before);
 }
 

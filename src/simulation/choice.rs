@@ -115,7 +115,8 @@ impl Choice {
             }
             Kind::Explicit => {
                 let bound = self.bound.take()?;
-                let stiff = self.time / self.steps as f64 * bound > NEAR_THE_EDGE * self.explicit.real_stability;
+                let stiff =
+                    self.time / self.steps as f64 * bound > NEAR_THE_EDGE * self.explicit.real_stability;
                 self.restart();
                 if !stiff {
                     return None;

@@ -21,7 +21,8 @@ pub struct Integrator<'c, P: Ivp> {
 impl<'c, P: Ivp + 'c> Integrator<'c, P> {
     /// The method of the scene.
     pub fn new(scene: &Scene) -> Self {
-        let fixed = |active: Box<dyn Method<P> + 'c>| Integrator { active, resting: None, stable: None, spent: 0 };
+        let fixed =
+            |active: Box<dyn Method<P> + 'c>| Integrator { active, resting: None, stable: None, spent: 0 };
         match scene.solver.method.as_str() {
             "merson" => fixed(Box::new(RungeKutta::new(&MERSON))),
             "dormand-prince" => fixed(Box::new(RungeKutta::new(&DORMAND_PRINCE))),
@@ -155,6 +156,8 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
     /// The method, and of `auto` what it picked and why.
     pub fn report(&self) -> String {
         let name = self.active.name();
-        self.resting.as_ref().map_or_else(|| name.to_owned(), |(resting, choice)| choice.report(name, resting.name()))
+        self.resting
+            .as_ref()
+            .map_or_else(|| name.to_owned(), |(resting, choice)| choice.report(name, resting.name()))
     }
 }

@@ -142,6 +142,8 @@ pub struct Snapshot {
     pub kinetic_energy: f64,
     /// Potential energy of contacts and height, J.
     pub potential_energy: f64,
+    /// Energy dissipated so far by rebound and by friction, J; zero unless `output.energy` asks for it.
+    pub dissipated: [f64; 2],
     /// Largest overlap, m.
     pub largest_overlap: f64,
     /// Work so far.
@@ -157,6 +159,7 @@ impl Snapshot {
             omega: frame.rows.iter().map(|body| body.omega.vector()).collect(),
             kinetic_energy: frame.kinetic_energy,
             potential_energy: frame.potential_energy,
+            dissipated: frame.dissipated,
             largest_overlap: frame.largest_overlap,
             counts: frame.counts,
         }

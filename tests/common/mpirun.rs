@@ -2,6 +2,7 @@
 
 #![allow(dead_code)] // every test file uses a part
 
+use demhybrid::ode::Limit;
 use hdf5::types::VarLenUnicode;
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::{self, File};
@@ -443,8 +444,15 @@ pub fn assert_same_bits(one: &Results, other: &Results, what: &str) {
         );
     }
     let counts = ["steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "forced_accepts"];
-    for name in counts {
-        assert_eq!(one.count(name), other.count(name), "{what}: {name}");
+    let counts = counts.into_iter().chain(["pair_evaluations", "lists_built"]).map(str::to_owned);
+    let limits = Limit::ALL.into_iter().map(|limit| format!("limited_by_{}", limit.name()));
+    for name in counts.chain(limits) {
+        assert_eq!(one.count(&name), other.count(&name), "{what}: {name}");
     }
-    assert_eq!(one.text("scene"), other.text("scene"), "{what}: the recorded scene");
+    for name in ["scene", "norm", "choice"] {
+        assert_eq!(one.text(name), other.text(name), "{what}: {name}");
+    }
+    for name in ["tolerance", "velocity_scale"] {
+        assert_eq!(one.real(name).to_bits(), other.real(name).to_bits(), "{what}: {name}");
+    }
 }
