@@ -287,7 +287,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
                 frame += 1;
             }
             self.count(step)?;
-            self.accept(reached);
+            self.accept(reached, step.limit);
             self.dynamics.commit(extremes);
             if self.frame_time(frame) <= reached {
                 let state = std::mem::take(&mut self.anchor.y);
@@ -414,14 +414,14 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         Some((state.collect(), self.trial.lost.map(|lost| share * lost)))
     }
 
-    /// The trial stands and ends at time `t` (s).
-    fn accept(&mut self, t: f64) {
+    /// The trial stands and ends at time `t` (s); `limit` decided its size.
+    fn accept(&mut self, t: f64, limit: Limit) {
         let (anchor, trial) = (&mut self.anchor, &mut self.trial);
         std::mem::swap(&mut anchor.y, &mut trial.next);
         std::mem::swap(&mut anchor.slope, &mut trial.slope);
         (anchor.t, anchor.slope_known, anchor.losses) = (t, trial.slope_known, trial.losses);
         crate::ode::add_losses(&mut self.dissipated, 1.0, &trial.lost);
-        self.integrator.accepted(self.last);
+        self.integrator.accepted(self.last, limit);
     }
 
     /// A trial with step `h` (s) led nowhere: that is final if the state itself has no finite right-hand side or the

@@ -1,15 +1,17 @@
 //! How `auto` chooses between an explicit method and the stabilised one: by the work that both would take.
 
-use crate::ode::Tableau;
+use crate::ode::{Limit, Tableau};
 
-/// Steps over which work is compared.
-const WINDOW: u64 = 64;
+/// Steps limited by their error over which work is compared.
+const WINDOW: u64 = 512;
+/// The same where the stabilised method is only tried: few, because its errors are those of a method of order 2.
+const TRIAL: u64 = 24;
 /// Steps of the explicit method before stiffness is looked at; doubled whenever the stabilised method was no better.
-const PATIENCE: u64 = 256;
+const PATIENCE: u64 = 2048;
 /// The longest patience.
-const MOST_PATIENCE: u64 = 16384;
-/// The other method must be cheaper by this factor.
-const CLEARLY: f64 = 1.1;
+const MOST_PATIENCE: u64 = 65536;
+/// The explicit method must be cheaper by this factor: it is the stabilised one that copes with sudden stiffness.
+const CLEARLY: f64 = 3.0;
 /// Share of the stable interval beyond which the explicit method is limited by stability.
 const NEAR_THE_EDGE: f64 = 0.6;
 
@@ -29,7 +31,9 @@ pub struct Choice {
     explicit: &'static Tableau,
     reason: &'static str,
     fixed: bool,
-    /// Steps in the window at hand, time that they covered (s), right-hand sides that they took.
+    /// Steps that the window at hand needs.
+    window: u64,
+    /// Steps in that window, time that they covered (s), right-hand sides that they took.
     steps: u64,
     time: f64,
     spent: u64,
@@ -52,6 +56,7 @@ impl Choice {
             explicit,
             reason,
             fixed: false,
+            window: WINDOW,
             steps: 0,
             time: 0.0,
             spent: 0,
@@ -74,13 +79,18 @@ impl Choice {
         (self.explicit.stages() - usize::from(self.explicit.first_same_as_last)) as f64
     }
 
-    /// A step `h` (s) stands that took `spent` right-hand sides; `bound` is the spectral radius (1/s) if it is known.
-    pub fn step(&mut self, h: f64, spent: u64, bound: Option<f64>) {
+    /// A step `h` (s) stands that took `spent` right-hand sides; `limit` decided its size, and `bound` is the spectral
+    /// radius (1/s) if it is known.
+    pub fn step(&mut self, h: f64, limit: Limit, spent: u64, bound: Option<f64>) {
+        self.last = h;
+        self.taken[self.active as usize] += 1;
+        // In free flight both methods take the same steps.
+        if self.active == Kind::Stabilised && limit != Limit::Error {
+            return;
+        }
         self.steps += 1;
         self.time += h;
         self.spent += spent;
-        self.last = h;
-        self.taken[self.active as usize] += 1;
         if let Some(bound) = bound {
             self.explicit_need += self.explicit_cost() * h * bound / self.explicit.real_stability;
         }
@@ -99,7 +109,8 @@ impl Choice {
     /// Whether the other method should take over; if so, the largest step (s) that it may start with.
     pub fn change(&mut self) -> Option<f64> {
         match self.active {
-            Kind::Stabilised if self.steps >= WINDOW => {
+            Kind::Stabilised if self.steps >= self.window => {
+                self.window = WINDOW;
                 let cheaper = self.spent as f64 > CLEARLY * self.explicit_need;
                 let stable = self.explicit.real_stability * self.time / self.explicit_need.max(1e-300)
                     * self.explicit_cost();
@@ -115,12 +126,12 @@ impl Choice {
             }
             Kind::Explicit => {
                 let bound = self.bound.take()?;
-                let stiff =
-                    self.time / self.steps as f64 * bound > NEAR_THE_EDGE * self.explicit.real_stability;
+                let stiff = self.last * bound > NEAR_THE_EDGE * self.explicit.real_stability;
                 self.restart();
                 if !stiff {
                     return None;
                 }
+                self.window = TRIAL;
                 self.switch(Kind::Stabilised);
                 Some(f64::INFINITY)
             }
@@ -165,11 +176,20 @@ mod tests {
         let mut choice = Choice::new(Kind::Stabilised, &MERSON, "of the test");
         for _ in 0..WINDOW {
             assert_eq!(choice.change(), None);
-            choice.step(1e-6, 3, Some(1e5));
+            choice.step(1e-6, Limit::Error, 3, Some(1e5));
         }
         let first = choice.change().expect("it changes");
         assert!(first <= 1e-6, "the step does not jump: {first}");
-        assert!(choice.report("merson", "chebyshev").contains("merson for 0 steps and chebyshev for 64"));
+        assert!(choice.report("merson", "chebyshev").contains("merson for 0 steps and chebyshev for 512"));
+    }
+
+    #[test]
+    fn free_flight_says_nothing() {
+        let mut choice = Choice::new(Kind::Stabilised, &MERSON, "of the test");
+        for _ in 0..10 * WINDOW {
+            choice.step(1e-2, Limit::Travel, 2, Some(0.0));
+            assert_eq!(choice.change(), None);
+        }
     }
 
     #[test]
@@ -177,7 +197,7 @@ mod tests {
         // h rho = 100: the explicit method would take 141 right-hand sides.
         let mut choice = Choice::new(Kind::Stabilised, &MERSON, "of the test");
         for _ in 0..10 * WINDOW {
-            choice.step(1e-3, 14, Some(1e5));
+            choice.step(1e-3, Limit::Error, 14, Some(1e5));
             assert_eq!(choice.change(), None);
         }
         assert_eq!(choice.report("chebyshev", "merson"), "auto: chebyshev, because of the test");
@@ -189,7 +209,7 @@ mod tests {
             let mut choice = Choice::new(Kind::Explicit, &DORMAND_PRINCE, "of the test");
             for _ in 0..PATIENCE {
                 assert!(!choice.wants_stiffness());
-                choice.step(1.5e-4, 6, None);
+                choice.step(1.5e-4, Limit::Error, 6, None);
             }
             assert!(choice.wants_stiffness());
             choice.learn(bound);
@@ -201,7 +221,7 @@ mod tests {
     fn a_choice_for_ever_is_never_looked_at_again() {
         let mut choice = Choice::new(Kind::Explicit, &DORMAND_PRINCE, "of the test").forever();
         for _ in 0..10 * PATIENCE {
-            choice.step(1.0, 6, None);
+            choice.step(1.0, Limit::Error, 6, None);
             assert!(!choice.wants_stiffness() && choice.change().is_none());
         }
     }

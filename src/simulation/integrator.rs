@@ -3,9 +3,12 @@
 use super::choice::{Choice, Kind};
 use crate::effects::{Effects, Variant};
 use crate::ode::{
-    Anchor, Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, Norm, RungeKutta, Trial, Verdict, Verlet,
+    Anchor, Chebyshev, DORMAND_PRINCE, Ivp, Limit, MERSON, Method, Norm, RungeKutta, Trial, Verdict, Verlet,
 };
 use crate::scene::Scene;
+
+/// Tolerance in the scaled norm from which on the stabilised method is the cheapest where friction acts.
+const STABILISED_FROM: f64 = 1e-3;
 
 /// Takes steps with one method at a time.
 pub struct Integrator<'c, P: Ivp> {
@@ -28,32 +31,41 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
             "dormand-prince" => fixed(Box::new(RungeKutta::new(&DORMAND_PRINCE))),
             "velocity-verlet" => fixed(Box::new(Verlet::new())),
             "chebyshev" => fixed(Box::new(Chebyshev::new())),
-            _ => Self::auto(Effects::of(scene)),
+            _ => Self::auto(scene),
         }
     }
 
-    /// Friction is stiff and not very smooth: the stabilised method takes the steps, unless the tolerance asks for so
-    /// small ones that Merson's is cheaper. Without friction the motion is smooth and mostly not stiff: that of Dormand
-    /// and Prince, unless losses on rebound make it stiff. Without any loss nothing is damped, and the stabilised method
-    /// has no place.
-    fn auto(effects: Effects) -> Self {
-        let stabilised = || Box::new(Chebyshev::new());
-        if effects.variant != Variant::Basic {
-            let explicit = RungeKutta::new(&MERSON);
-            let choice = Choice::new(Kind::Stabilised, &MERSON, "friction is stiff");
-            let resting = Some((Box::new(explicit) as Box<dyn Method<P> + 'c>, choice));
-            return Integrator { active: stabilised(), resting, stable: None, spent: 0 };
-        }
-        let active = Box::new(RungeKutta::new(&DORMAND_PRINCE));
-        let choice = |why| Choice::new(Kind::Explicit, &DORMAND_PRINCE, why);
-        let resting = if effects.dissipative {
-            (stabilised() as Box<dyn Method<P> + 'c>, choice("without friction the motion is smooth"))
-        } else {
-            // Never woken: it stands for no method.
-            let why = "nothing is lost, so nothing is damped, and the motion is smooth";
-            (Box::new(Verlet::new()) as Box<dyn Method<P> + 'c>, choice(why).forever())
+    /// Friction is stiff and not very smooth: at the tolerances of engineering the stabilised method is cheapest, at
+    /// tighter ones Merson's, which is accurate wherever it is stable. Without friction the motion is smooth and mostly
+    /// not stiff: the method of Dormand and Prince. Without any loss nothing is damped, and the stabilised method has no
+    /// place. Where the steps show it to be otherwise the other method takes over (`Choice`).
+    fn auto(scene: &Scene) -> Self {
+        let effects = Effects::of(scene);
+        let stabilised = || Box::new(Chebyshev::new()) as Box<dyn Method<P> + 'c>;
+        let table = |table| Box::new(RungeKutta::new(table)) as Box<dyn Method<P> + 'c>;
+        let start = |active, resting, choice| Integrator {
+            active,
+            resting: Some((resting, choice)),
+            stable: None,
+            spent: 0,
         };
-        Integrator { active, resting: Some(resting), stable: None, spent: 0 }
+        if effects.variant != Variant::Basic {
+            return if scene.solver.tolerance.is_some_and(|tolerance| tolerance < STABILISED_FROM) {
+                let why =
+                    "friction is stiff, and the tolerance so tight that small steps are needed all the same";
+                start(table(&MERSON), stabilised(), Choice::new(Kind::Explicit, &MERSON, why))
+            } else {
+                let choice = Choice::new(Kind::Stabilised, &MERSON, "friction is stiff");
+                start(stabilised(), table(&MERSON), choice)
+            };
+        }
+        let choice = |why| Choice::new(Kind::Explicit, &DORMAND_PRINCE, why);
+        if effects.dissipative {
+            start(table(&DORMAND_PRINCE), stabilised(), choice("without friction the motion is smooth"))
+        } else {
+            let why = "nothing is lost, so nothing is damped, and the motion is smooth";
+            start(table(&DORMAND_PRINCE), stabilised(), choice(why).forever())
+        }
     }
 
     /// To be called before a trial: finds out what is stable from `anchor`, and changes the method where that pays. Returns
@@ -128,10 +140,10 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         self.stable = None;
     }
 
-    /// The last trial, a step `h` (s), stands.
-    pub fn accepted(&mut self, h: f64) {
+    /// The last trial, a step `h` (s) whose size was decided by `limit`, stands.
+    pub fn accepted(&mut self, h: f64, limit: Limit) {
         if let Some((_, choice)) = &mut self.resting {
-            choice.step(h, self.spent, self.active.known_bound());
+            choice.step(h, limit, self.spent, self.active.known_bound());
         }
         (self.stable, self.spent) = (None, 0);
     }
