@@ -1,9 +1,10 @@
-//! One trial step of a packed bed: five right-hand sides, stages, error and agreement, for the three variants.
+//! One trial step of Merson's method in a packed bed: five right-hand sides, stages, error and agreement, for the three
+//! variants.
 
 use common::Job;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use demhybrid::contact::{Rebound, Tangential};
-use demhybrid::ode::{MERSON, Stepper};
+use demhybrid::ode::{Anchor, MERSON, Method, Norm, RungeKutta, Trial, Weights};
 use demhybrid::particle::Spin;
 use demhybrid::simulation::Simulation;
 
@@ -15,13 +16,14 @@ impl Job for Step<'_> {
     fn run<R: Rebound, T: Tangential, W: Spin>(self, mut simulation: Simulation<R, T, W>) {
         let mut group = self.0.benchmark_group(format!("step/{}", self.1));
         group.sample_size(10).throughput(Throughput::Elements(self.2 as u64));
-        let y = simulation.state().to_vec();
-        let mut stepper = Stepper::new(&MERSON);
-        let mut next = Vec::new();
+        let mut anchor = Anchor::new(0.0, simulation.state().to_vec());
+        let mut method = RungeKutta::new(&MERSON);
+        let mut trial = Trial::default();
+        let norm = Norm { weights: Weights::MIXED, rate: true };
         group.bench_function(BenchmarkId::from_parameter(self.2), |b| {
             b.iter(|| {
-                stepper.forget();
-                stepper.attempt(simulation.dynamics_mut(), 0.0, 1e-5, &y, &mut next)
+                anchor.slope_known = false;
+                method.attempt(simulation.dynamics_mut(), &mut anchor, 1e-5, &norm, &mut trial)
             })
         });
     }

@@ -546,7 +546,7 @@ mod tests {
         let auto = scene_with_solver("");
         assert_eq!(
             solver(&auto, &start),
-            "auto, tolerance 0.001 in the scaled norm (velocities over 0.990 m/s)"
+            "auto, tolerance 0.1 in the scaled norm (velocities over 0.990 m/s)"
         );
         let slow = scene_with_solver("velocity_scale = 0.00125\ntolerance = 1e-7");
         assert_eq!(

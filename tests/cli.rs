@@ -137,7 +137,7 @@ fn a_run_without_mpirun_writes_the_scenes_stem_into_the_working_folder() {
     let cores = std::thread::available_parallelism().unwrap().get();
     assert_eq!(results.count("threads"), cores as i64);
     assert_eq!(results.text("version"), env!("CARGO_PKG_VERSION"));
-    assert_eq!((results.real("tolerance"), results.real("mass")), (1e-3, 1.0));
+    assert_eq!((results.real("tolerance"), results.real("mass")), (0.1, 1.0));
     assert!(results.real("wall_seconds") > 0.0 && !results.text("commit").is_empty());
     // The attributes are those of the last frame, and the summary's.
     for name in ["steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "lists_built"] {
@@ -151,7 +151,7 @@ fn a_run_without_mpirun_writes_the_scenes_stem_into_the_working_folder() {
     assert!(accepted > 10 && ended.stdout.contains(&format!("{accepted} accepted, {rejected} rejected")));
     let method = ended.line("method");
     assert!(
-        method.contains(&results.text("choice")) && method.contains("0.001 in the scaled norm"),
+        method.contains(&results.text("choice")) && method.contains("0.1 in the scaled norm"),
         "{method}"
     );
     let sizes = ended.line("step sizes");

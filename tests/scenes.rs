@@ -98,7 +98,8 @@ fn the_settling_scenes_hold_the_parameters_of_table_4_2() {
     assert_eq!((contact.restitution, contact.dissipation_focusing), (0.4, 10.0));
     assert_eq!(contact.interaction_distance, 0.1);
     assert_eq!((friction.coefficient, friction.regularization_velocity), (0.2, 0.01));
-    assert_eq!((scene.solver.tolerance, scene.solver.initial_step), (0.1, 0.1));
+    assert_eq!((scene.solver.tolerance, scene.solver.initial_step), (Some(0.1), 0.1));
+    assert_eq!((scene.solver.method.as_str(), scene.solver.norm.as_str()), ("merson", "paper"));
     assert!(scene.rotates());
 
     let variant = |name| set_up(&folder(name), &[]).unwrap();
@@ -112,6 +113,14 @@ fn the_settling_scenes_hold_the_parameters_of_table_4_2() {
     locked.friction.clone_from(&scene.friction);
     locked.output.file.clone_from(&scene.output.file);
     assert_eq!(locked, scene);
+    let (mut bed, same_start) = variant("configs/bed.toml");
+    assert!(
+        same_start == start
+            && bed.solver == demhybrid::scene::Solver { tolerance: Some(0.1), ..Default::default() }
+    );
+    bed.solver.clone_from(&scene.solver);
+    bed.output.file.clone_from(&scene.output.file);
+    assert_eq!(bed, scene);
     let (mut quick, few) = variant("configs/quick.toml");
     assert_eq!(few.x.len(), 27);
     quick.t_end = scene.t_end;
@@ -147,7 +156,10 @@ fn set_overrides_any_key_of_the_scene() {
         "t_end=2",
     ];
     let (scene, start) = set_up(&settle, &sets).unwrap();
-    assert_eq!((scene.solver.tolerance, scene.solver.max_step, scene.solver.min_step), (1e-3, 0.5, 1e-9));
+    assert_eq!(
+        (scene.solver.tolerance, scene.solver.max_step, scene.solver.min_step),
+        (Some(1e-3), 0.5, 1e-9)
+    );
     assert_eq!((start.x.len(), scene.t_end, scene.gravity[2]), (27, 2.0, -1.62));
     assert_eq!(scene.output.file, Some("folder/other name.vtkhdf".into()));
     assert_eq!((scene.container.wall.len(), scene.container.r#box.unwrap().min), (1, [0.0; 3]));

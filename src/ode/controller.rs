@@ -134,7 +134,7 @@ impl StepControl {
         }
         // Errors far below the tolerance say nothing of their order.
         let error = error.max(LEAST_ERROR);
-        let before = self.before.unwrap_or(error);
+        let before = self.before.unwrap_or(1.0);
         let factor = SAFE * error.powf(-0.7 / order) * before.powf(0.4 / order);
         // A step that was rejected before it stood says that growth must wait.
         bounded(factor, if self.rejected { 1.0 } else { GROWTH })
@@ -159,4 +159,81 @@ impl StepControl {
 /// A factor within its limits, and what set it.
 fn bounded(factor: f64, most: f64) -> (f64, Limit) {
     if factor > most { (most, Limit::Growth) } else { (factor.max(SHRINKAGE), Limit::Error) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn control(rule: StepRule) -> StepControl {
+        StepControl::new(rule, 0.1, 1e-9, 0.5)
+    }
+
+    #[test]
+    fn a_step_is_accepted_below_the_tolerance_only() {
+        for rule in [StepRule::Published, StepRule::ProportionalIntegral] {
+            assert!(control(rule).judge(1e-3, 0.099, 5.0).accept);
+            assert!(!control(rule).judge(1e-3, 0.1, 5.0).accept);
+            assert!(!control(rule).judge(1e-3, f64::INFINITY, 5.0).accept);
+        }
+    }
+
+    #[test]
+    fn the_factor_follows_the_published_rule_within_limits() {
+        let factor = |error| control(StepRule::Published).judge(1e-3, error, 5.0).next / 1e-3;
+        assert_eq!(factor(0.0), 2.0);
+        assert!((factor(0.1) - 0.8).abs() < 1e-15);
+        assert!((factor(0.1 / 32.0) - 1.6).abs() < 1e-12);
+        assert!((factor(1e-30) - 5.0).abs() < 1e-12);
+        assert!((factor(1e30) - 0.1).abs() < 1e-12);
+        assert!((factor(f64::INFINITY) - 0.25).abs() < 1e-15);
+    }
+
+    #[test]
+    fn steps_stay_within_their_limits_and_say_which() {
+        let large = control(StepRule::Published).judge(0.4, 0.0, 5.0);
+        assert_eq!((large.next, large.limit), (0.5, Limit::Maximum));
+        let smallest = control(StepRule::Published).judge(1e-9, 5.0, 5.0);
+        assert!(smallest.accept && smallest.forced);
+        assert_eq!((smallest.next, smallest.limit), (1e-9, Limit::Minimum));
+        assert!(!control(StepRule::Published).judge(1e-9, f64::INFINITY, 5.0).accept);
+        assert!(!control(StepRule::Published).judge(1e-9, 0.01, 5.0).forced);
+        let growing = control(StepRule::ProportionalIntegral).judge(1e-3, 1e-20, 5.0);
+        assert_eq!((growing.next, growing.limit), (5e-3, Limit::Growth));
+    }
+
+    #[test]
+    fn the_proportional_integral_rule_settles_at_a_tenth_of_the_tolerance() {
+        // A problem whose error is 1e6 h^3: steps should come to rest, without a rejection.
+        let mut control = control(StepRule::ProportionalIntegral);
+        let (mut h, mut rejected) = (1e-6, 0);
+        let mut steps = Vec::new();
+        for _ in 0..60 {
+            let decision = control.judge(h, 1e6 * h.powi(3), 3.0);
+            rejected += u32::from(!decision.accept);
+            h = decision.next;
+            steps.push(h);
+        }
+        assert_eq!(rejected, 0);
+        let error = 1e6 * h.powi(3) / 0.1;
+        assert!((error - 0.8f64.powi(10)).abs() < 1e-3, "{error} of the tolerance");
+        assert!((steps[59] / steps[58] - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_step_does_not_grow_right_after_a_rejection() {
+        let mut control = control(StepRule::ProportionalIntegral);
+        let rejected = control.judge(1e-3, 0.5, 3.0);
+        assert!(!rejected.accept && rejected.next < 1e-3);
+        let next = control.judge(rejected.next, 1e-6, 3.0);
+        assert_eq!((next.accept, next.next, next.limit), (true, rejected.next, Limit::Growth));
+        assert!(control.judge(next.next, 1e-6, 3.0).next > next.next);
+    }
+
+    #[test]
+    fn a_fixed_step_stays() {
+        let mut control = StepControl::new(StepRule::Fixed, 1.0, 1e-5, 1e-5);
+        let decision = control.judge(1e-5, 0.0, 2.0);
+        assert_eq!((decision.accept, decision.next, decision.limit), (true, 1e-5, Limit::Maximum));
+    }
 }

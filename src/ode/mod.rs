@@ -6,6 +6,8 @@ pub mod controller;
 pub mod runge_kutta;
 pub mod spectral;
 pub mod tableau;
+#[cfg(test)]
+mod tests;
 pub mod verlet;
 
 pub use chebyshev::Chebyshev;

@@ -3,14 +3,15 @@
 use crate::ode::{Limit, Tableau};
 
 /// Steps limited by their error over which work is compared.
-const WINDOW: u64 = 512;
+const WINDOW: u64 = 1024;
 /// The same where the stabilised method is only tried: few, because its errors are those of a method of order 2.
 const TRIAL: u64 = 24;
 /// Steps of the explicit method before stiffness is looked at; doubled whenever the stabilised method was no better.
 const PATIENCE: u64 = 2048;
 /// The longest patience.
 const MOST_PATIENCE: u64 = 65536;
-/// The explicit method must be cheaper by this factor: it is the stabilised one that copes with sudden stiffness.
+/// The explicit method must be cheaper by this factor to take over from a stabilised one that has been good so far, which
+/// copes with sudden stiffness; after a mere trial it needs no factor.
 const CLEARLY: f64 = 3.0;
 /// Share of the stable interval beyond which the explicit method is limited by stability.
 const NEAR_THE_EDGE: f64 = 0.6;
@@ -110,8 +111,9 @@ impl Choice {
     pub fn change(&mut self) -> Option<f64> {
         match self.active {
             Kind::Stabilised if self.steps >= self.window => {
+                let clearly = if self.window == TRIAL { 1.0 } else { CLEARLY };
                 self.window = WINDOW;
-                let cheaper = self.spent as f64 > CLEARLY * self.explicit_need;
+                let cheaper = self.spent as f64 > clearly * self.explicit_need;
                 let stable = self.explicit.real_stability * self.time / self.explicit_need.max(1e-300)
                     * self.explicit_cost();
                 self.restart();
@@ -180,7 +182,7 @@ mod tests {
         }
         let first = choice.change().expect("it changes");
         assert!(first <= 1e-6, "the step does not jump: {first}");
-        assert!(choice.report("merson", "chebyshev").contains("merson for 0 steps and chebyshev for 512"));
+        assert!(choice.report("merson", "chebyshev").contains("merson for 0 steps and chebyshev for 1024"));
     }
 
     #[test]

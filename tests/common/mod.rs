@@ -21,7 +21,7 @@ const TIGHT: &str = "
     particles = { radius = 0.1, file = 'bodies of the test' }
     contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4,
                 dissipation_focusing = 10.0, interaction_distance = 0.2 }
-    solver = { tolerance = 1e-9, initial_step = 1e-4 }
+    solver = { method = 'merson', norm = 'paper', tolerance = 1e-9, initial_step = 1e-4 }
 ";
 
 /// A scene and its particles, put together in the words of the scene file.

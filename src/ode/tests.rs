@@ -1,0 +1,321 @@
+//! Every method against problems whose solutions are known: order, stability, inside of steps, counts.
+
+use super::*;
+use nalgebra::Vector2;
+
+/// Position and velocity of one oscillator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Point {
+    x: f64,
+    v: f64,
+}
+
+impl Linear for Point {
+    fn zero() -> Self {
+        Point { x: 0.0, v: 0.0 }
+    }
+    fn add_scaled(&mut self, s: f64, other: &Self) {
+        self.x += s * other.x;
+        self.v += s * other.v;
+    }
+    fn magnitude(&self, weights: &Weights) -> f64 {
+        larger(larger(0.0, weights.x * self.x.abs()), weights.v * self.v.abs())
+    }
+    fn kick(&mut self, h: f64, slope: &Self) {
+        self.v += h * slope.v;
+    }
+    fn drift(&mut self, h: f64) {
+        self.x += h * self.v;
+    }
+}
+
+/// x'' = force(t, x, v), for several points at once.
+struct Points<F> {
+    force: F,
+    evaluations: u64,
+}
+
+impl<F: Fn(f64, &Point) -> f64> Ivp for Points<F> {
+    type State = Point;
+    fn begin(&mut self, _y: &[Point]) {}
+    fn rhs(&mut self, t: f64, y: &[Point], dydt: &mut [Point]) {
+        self.evaluations += 1;
+        for (slope, y) in dydt.iter_mut().zip(y) {
+            *slope = Point { x: y.v, v: (self.force)(t, y) };
+        }
+    }
+    fn agree(&mut self, error: f64, _next: &[Point]) -> Verdict {
+        Verdict { error, covered: true, within_travel: true }
+    }
+    fn length(&mut self, v: &[Point]) -> f64 {
+        v.iter().map(|p| Vector2::new(p.x, p.v).norm_squared()).sum::<f64>().sqrt()
+    }
+    fn any_direction(&mut self, round: u64, v: &mut Vec<Point>) {
+        let n = v.len().max(1);
+        v.clear();
+        v.extend((0..n).map(|k| Point { x: 0.0, v: 1.0 + 0.1 * ((k as u64 + round) % 3) as f64 }));
+    }
+    fn small_length(&self) -> f64 {
+        1.5e-8
+    }
+}
+
+/// A damped pendulum with a push: nothing about it is linear.
+fn pendulum(t: f64, p: &Point) -> f64 {
+    -p.x.sin() - 0.3 * p.v * p.v.abs() + 0.5 * t.cos()
+}
+
+/// The same without damping: the force depends on the position alone.
+fn free_pendulum(_t: f64, p: &Point) -> f64 {
+    -p.x.sin()
+}
+
+type Solve = fn(f64, &Point) -> f64;
+
+/// State at t = 2 after `steps` steps, and right-hand sides.
+fn integrate(method: &mut dyn Method<Points<Solve>>, force: Solve, steps: u32) -> (Point, u64) {
+    let mut ivp = Points { force, evaluations: 0 };
+    let mut anchor = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+    let (mut trial, h) = (Trial::default(), 2.0 / f64::from(steps));
+    let norm = Norm { weights: Weights::MIXED, rate: false };
+    for k in 0..steps {
+        method.stable_step(&mut ivp, &mut anchor);
+        method.attempt(&mut ivp, &mut anchor, h, &norm, &mut trial);
+        anchor.y.copy_from_slice(&trial.next);
+        std::mem::swap(&mut anchor.slope, &mut trial.slope);
+        (anchor.t, anchor.slope_known) = (f64::from(k + 1) * h, trial.slope_known);
+    }
+    (anchor.y[0], ivp.evaluations)
+}
+
+fn distance(a: Point, b: Point) -> f64 {
+    (a.x - b.x).hypot(a.v - b.v)
+}
+
+/// Order from three runs with ever smaller steps: no exact solution is needed.
+fn observed_order(
+    mut method: impl FnMut() -> Box<dyn Method<Points<Solve>>>,
+    force: Solve,
+    steps: u32,
+) -> f64 {
+    let mut run = |factor: u32| integrate(method().as_mut(), force, factor * steps).0;
+    let (coarse, middle, fine) = (run(1), run(2), run(4));
+    (distance(coarse, middle) / distance(middle, fine)).log2()
+}
+
+fn assert_order(name: &str, found: f64, order: f64) {
+    println!("{name}: order {found:.3}");
+    assert!((found - order).abs() < 0.15, "{name}: order {found}, not {order}");
+}
+
+#[test]
+fn every_method_has_its_order() {
+    let smooth: Solve = |t, p| -p.x.sin() - 0.3 * p.v + 0.5 * t.cos();
+    assert_order("merson", observed_order(|| Box::new(RungeKutta::new(&MERSON)), smooth, 20), 4.0);
+    assert_order(
+        "dormand-prince",
+        observed_order(|| Box::new(RungeKutta::new(&DORMAND_PRINCE)), smooth, 20),
+        5.0,
+    );
+    assert_order("chebyshev", observed_order(|| Box::new(Chebyshev::new()), smooth, 50), 2.0);
+}
+
+#[test]
+fn velocity_verlet_has_order_2_where_forces_are_conservative_and_1_otherwise() {
+    assert_order("conservative", observed_order(|| Box::new(Verlet::new()), free_pendulum, 50), 2.0);
+    assert_order("damped", observed_order(|| Box::new(Verlet::new()), pendulum, 200), 1.0);
+}
+
+#[test]
+fn chebyshev_keeps_its_order_with_many_stages() {
+    // The stages follow from a stiffness of 2000 in a direction that decays at once.
+    let stiff: Solve = |t, p| -2000.0 * (p.v - t.cos()) - t.sin();
+    let exact = |steps: u32| {
+        let (end, evaluations) = integrate(&mut Chebyshev::new(), stiff, steps);
+        (end, evaluations)
+    };
+    let ((coarse, few), (middle, _), (fine, _)) = (exact(100), exact(200), exact(400));
+    assert!(few > 100 * 7, "{few} right-hand sides are no many stages");
+    // The velocity follows the forcing, whatever the step; the position tells.
+    let order = ((coarse.x - middle.x) / (middle.x - fine.x)).log2();
+    assert!((order - 2.0).abs() < 0.3, "order {order}");
+}
+
+/// Growth factor of a step of `s` stages for y' = lambda y with h lambda = z, a complex number.
+fn chebyshev_growth(s: usize, z: Vector2<f64>) -> f64 {
+    let times = |a: Vector2<f64>, b: Vector2<f64>| Vector2::new(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x);
+    let (one, mut older, mut last) = (Vector2::new(1.0, 0.0), Vector2::zeros(), Vector2::zeros());
+    for (j, row) in chebyshev::stages(s).into_iter().enumerate() {
+        let change = if j == 0 {
+            times(z, one) * row.mu_slope
+        } else {
+            last * row.mu + older * row.nu + times(z, one + last) * row.mu_slope + times(z, one) * row.gamma
+        };
+        (older, last) = (last, change);
+    }
+    (one + last).norm()
+}
+
+#[test]
+fn the_stabilised_method_is_stable_along_the_real_axis_as_far_as_it_says() {
+    for s in [2, 3, 5, 10, 50, 200, chebyshev::MOST_STAGES] {
+        let edge = chebyshev::real_stability(s);
+        let inside =
+            (1..=2000).map(|k| chebyshev_growth(s, Vector2::new(-edge * f64::from(k) / 2000.0, 0.0)));
+        let worst = inside.fold(0.0, f64::max);
+        assert!(worst <= 1.0, "{s} stages: {worst} inside {edge}");
+        // With few stages, or an odd number of them, the interval is a little longer.
+        let margin = if s < 10 { 1.3 } else { 1.06 };
+        let beyond = chebyshev_growth(s, Vector2::new(-margin * edge, 0.0));
+        assert!(beyond > 1.0, "{s} stages: {beyond} beyond the edge");
+        // Damped in the middle: at most 1 - epsilon/3, and a bit for few stages.
+        if s >= 5 {
+            let middle = chebyshev_growth(s, Vector2::new(-0.5 * edge, 0.0));
+            assert!(middle < 1.0 - chebyshev::DAMPING / 4.0, "{s} stages: {middle}");
+        }
+    }
+}
+
+#[test]
+fn the_stabilised_method_is_stable_for_damped_waves() {
+    for s in [5, 10, 30, 100] {
+        let edge = chebyshev::real_stability(s);
+        // Half the width of the strip around the real axis in which waves decay, away from its ends.
+        let stable = |width: f64| {
+            let along = |k: i32| Vector2::new(-1.0 - 0.95 * (edge - 1.0) * f64::from(k) / 4000.0, width);
+            (0..=4000).all(|k| chebyshev_growth(s, along(k)) <= 1.0)
+        };
+        let width = (1..400).map(|k| f64::from(k) / 100.0).take_while(|&width| stable(width)).last();
+        println!("{s} stages: waves with |Im(h lambda)| up to {width:?} decay");
+        assert!(width.is_some_and(|width| width > 0.35 * (1.0 + s as f64 / 30.0)), "{s} stages: {width:?}");
+        // Without damping a wave grows: such a problem is none for this method.
+        assert!(chebyshev_growth(s, Vector2::new(0.0, 2.0)) > 1.0);
+    }
+}
+
+#[test]
+fn stages_are_enough_and_not_more_than_that() {
+    for z in [0.1, 1.0, 10.0, 1e3, 1e5] {
+        let s = chebyshev::stages_for(z);
+        assert!(chebyshev::real_stability(s) >= z, "{s} stages for {z}");
+        assert!(s == 2 || chebyshev::real_stability(s - 1) < z, "{s} stages for {z}");
+    }
+    assert_eq!(chebyshev::stages_for(f64::INFINITY), chebyshev::MOST_STAGES + 1);
+}
+
+#[test]
+fn the_spectral_radius_of_damping_and_of_an_oscillation_is_found() {
+    let cases: [(Solve, f64); 3] =
+        [(|_, p| -500.0 * p.v, 500.0), (|_, p| -400.0 * p.x, 20.0), (|_, p| -1e4 * p.x - 1e3 * p.v, 989.9)];
+    for (force, exact) in cases {
+        let mut ivp = Points { force, evaluations: 0 };
+        let mut anchor = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+        anchor.find_slope(&mut ivp);
+        let mut radius = SpectralRadius::default();
+        radius.update(&mut ivp, &mut anchor);
+        let ratio = radius.bound() / exact;
+        assert!((1.0..1.3).contains(&ratio), "{} is not {exact}", radius.bound());
+    }
+}
+
+#[test]
+fn first_same_as_last_and_rejected_trials_save_right_hand_sides() {
+    let counts = |method: &mut dyn Method<Points<Solve>>| integrate(method, free_pendulum, 10).1;
+    assert_eq!(counts(&mut RungeKutta::new(&MERSON)), 50);
+    assert_eq!(counts(&mut RungeKutta::new(&DORMAND_PRINCE)), 61);
+    assert_eq!(counts(&mut Verlet::new()), 11);
+    // A repeated trial knows the slope at its start, and gives the same.
+    let mut ivp: Points<Solve> = Points { force: free_pendulum, evaluations: 0 };
+    let mut anchor = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.0 }]);
+    let norm = Norm { weights: Weights::MIXED, rate: true };
+    let (mut method, mut trial) = (RungeKutta::new(&MERSON), Trial::default());
+    method.attempt(&mut ivp, &mut anchor, 0.1, &norm, &mut trial);
+    let once = trial.next[0];
+    method.attempt(&mut ivp, &mut anchor, 0.2, &norm, &mut trial);
+    method.attempt(&mut ivp, &mut anchor, 0.1, &norm, &mut trial);
+    assert_eq!((ivp.evaluations, trial.evaluations, trial.next[0]), (13, 4, once));
+}
+
+#[test]
+fn the_inside_of_a_step_joins_its_ends_smoothly() {
+    let methods: [(Box<dyn Method<Points<Solve>>>, f64); 3] = [
+        (Box::new(RungeKutta::new(&DORMAND_PRINCE)), 1e-9),
+        (Box::new(Chebyshev::new()), 1e-4),
+        (Box::new(Verlet::new()), 1e-4),
+    ];
+    for (mut method, tolerance) in methods {
+        let mut ivp: Points<Solve> = Points { force: free_pendulum, evaluations: 0 };
+        let mut anchor = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+        let norm = Norm { weights: Weights::MIXED, rate: false };
+        let mut trial = Trial::default();
+        method.stable_step(&mut ivp, &mut anchor);
+        method.attempt(&mut ivp, &mut anchor, 0.05, &norm, &mut trial);
+        let inside = |share| method.inside(share, 0.05, &anchor, &trial, 0).expect("it has a dense output");
+        assert!(distance(inside(0.0), anchor.y[0]) < 1e-15 && distance(inside(1.0), trial.next[0]) < 1e-15);
+        // Against many small steps of the most accurate method to the middle of the step.
+        let mut fine = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+        let (mut exact, mut step) = (RungeKutta::new(&DORMAND_PRINCE), Trial::default());
+        for _ in 0..25 {
+            exact.attempt(&mut ivp, &mut fine, 0.001, &norm, &mut step);
+            fine.y.copy_from_slice(&step.next);
+            fine.slope_known = false;
+        }
+        let error = distance(inside(0.5), fine.y[0]);
+        assert!(error < tolerance, "{}: {error:e}", method.name());
+    }
+}
+
+#[test]
+fn what_is_lost_is_integrated_as_well_as_the_motion() {
+    /// x'' = -c v loses the power c v^2; the work from v = 1 to t = 1 is (1 - e^(-2c))/2.
+    struct Brake(Points<Solve>);
+    impl Ivp for Brake {
+        type State = Point;
+        fn begin(&mut self, y: &[Point]) {
+            self.0.begin(y);
+        }
+        fn rhs(&mut self, t: f64, y: &[Point], dydt: &mut [Point]) {
+            self.0.rhs(t, y, dydt);
+            self.0.evaluations = (3.0 * y[0].v * y[0].v).to_bits();
+        }
+        fn losses(&self) -> Losses {
+            [f64::from_bits(self.0.evaluations), 0.0]
+        }
+        fn agree(&mut self, error: f64, next: &[Point]) -> Verdict {
+            self.0.agree(error, next)
+        }
+        fn length(&mut self, v: &[Point]) -> f64 {
+            self.0.length(v)
+        }
+        fn any_direction(&mut self, round: u64, v: &mut Vec<Point>) {
+            self.0.any_direction(round, v);
+        }
+        fn small_length(&self) -> f64 {
+            self.0.small_length()
+        }
+    }
+    let methods: [(Box<dyn Method<Brake>>, f64); 4] = [
+        (Box::new(RungeKutta::new(&MERSON)), 1e-7),
+        (Box::new(RungeKutta::new(&DORMAND_PRINCE)), 1e-8),
+        (Box::new(Chebyshev::new()), 1e-3),
+        (Box::new(Verlet::new()), 5e-2),
+    ];
+    for (mut method, tolerance) in methods {
+        let force: Solve = |_, p| -3.0 * p.v;
+        let mut ivp = Brake(Points { force, evaluations: 0 });
+        let mut anchor = Anchor::new(0.0, vec![Point { x: 0.0, v: 1.0 }]);
+        let norm = Norm { weights: Weights::MIXED, rate: false };
+        let (mut trial, mut lost) = (Trial::default(), 0.0);
+        for k in 0..50 {
+            method.stable_step(&mut ivp, &mut anchor);
+            method.attempt(&mut ivp, &mut anchor, 0.02, &norm, &mut trial);
+            lost += trial.lost[0];
+            anchor.y.copy_from_slice(&trial.next);
+            std::mem::swap(&mut anchor.slope, &mut trial.slope);
+            (anchor.slope_known, anchor.losses) = (trial.slope_known, trial.losses);
+            anchor.t = 0.02 * f64::from(k + 1);
+        }
+        let exact = 0.5 * (1.0 - (-6.0f64).exp());
+        assert!((lost - exact).abs() < tolerance, "{}: {lost} is not {exact}", method.name());
+    }
+}
