@@ -97,11 +97,17 @@ fn long_run() -> TempDir {
 
 /// Runs scene.toml of `folder` and returns what it wrote; without mpirun where `ranks` is 0.
 fn results(folder: &Path, ranks: usize, threads: usize) -> Results {
-    let file = folder.join(format!("{ranks}-{threads}"));
+    results_with(folder, ranks, threads, &[])
+}
+
+/// `results` with keys of the scene set.
+fn results_with(folder: &Path, ranks: usize, threads: usize, sets: &[&str]) -> Results {
+    let file = folder.join(format!("{ranks}-{threads}-{}", sets.concat().replace('/', "")));
     fs::create_dir(&file).unwrap();
     let arguments = ["../scene.toml", "--threads", &threads.to_string(), "-q"];
     let job = if ranks == 0 { Job::alone(&file, &arguments) } else { Job::on(ranks, &file, &arguments) };
-    job.run().with_code(0);
+    let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
+    job.and(&sets).run().with_code(0);
     let results = Results::open(&file.join("scene.vtkhdf"));
     assert_eq!((results.count("ranks"), results.count("threads")), (ranks.max(1) as i64, threads as i64));
     assert_eq!(results.count("completed"), 1);
@@ -139,7 +145,8 @@ fn assert_particles_migrated_and_bounds_moved(results: &Results, ranks: usize) {
 fn assert_ranks_and_threads_do_not_matter(friction: &str) {
     let spins = friction == ROTATION;
     let folder = folder(&scene(0.12, 0.02, WIDE_BOX, friction), &csv(&rushing_column(), spins));
-    let alone = results(folder.path(), 1, 1);
+    let published = ["solver.method=merson", "solver.norm=paper"];
+    let alone = results_with(folder.path(), 1, 1, &published);
     assert_eq!((alone.frames(), alone.particles()), (7, 2000));
     assert_eq!(alone.vector_names().contains(&"PointData/angular_velocity"), spins);
     let ids: Vec<i64> = (0..2000).collect();
@@ -153,8 +160,27 @@ fn assert_ranks_and_threads_do_not_matter(friction: &str) {
     assert!(pairs / 3 > GRAIN, "{pairs} pairs are too few for threads to share on 3 ranks");
     assert!(series("steps_rejected") > 10, "rejected steps must be the same ones too");
     for (ranks, threads) in [(1, 2), (2, 1), (3, 2), (4, 1)] {
-        let other = results(folder.path(), ranks, threads);
+        let other = results_with(folder.path(), ranks, threads, &published);
         assert_same_bits(&alone, &other, &format!("{ranks} ranks of {threads} threads, against 1 of 1"));
+    }
+}
+
+#[test]
+fn ranks_and_threads_do_not_matter_to_any_method() {
+    let folder = folder(&scene(0.12, 0.02, WIDE_BOX, ROTATION), &csv(&rushing_column(), true));
+    for solver in [
+        &["solver.method=auto"][..],
+        &["solver.method=auto", "solver.tolerance=1e-4"],
+        &["solver.method=dormand-prince", "solver.tolerance=1e-4"],
+        &["solver.method=chebyshev", "solver.tolerance=1e-2"],
+        &["solver.method=velocity-verlet", "solver.step=1e-4"],
+    ] {
+        let alone = results_with(folder.path(), 1, 1, solver);
+        assert!(alone.count("lists_built") > 2, "{solver:?}: slopes and directions must migrate too");
+        for (ranks, threads) in [(2, 1), (3, 2)] {
+            let other = results_with(folder.path(), ranks, threads, solver);
+            assert_same_bits(&alone, &other, &format!("{solver:?}: {ranks} ranks of {threads} threads"));
+        }
     }
 }
 
