@@ -1,14 +1,11 @@
 //! The method that takes the steps: the one that the scene names, or the one that `auto` finds best.
 
-use super::choice::{Choice, Kind};
+use super::choice::Choice;
 use crate::effects::{Effects, Variant};
 use crate::ode::{
     Anchor, Chebyshev, DORMAND_PRINCE, Ivp, Limit, MERSON, Method, Norm, RungeKutta, Trial, Verdict, Verlet,
 };
 use crate::scene::Scene;
-
-/// Tolerance in the scaled norm from which on the stabilised method is the cheapest where friction acts.
-const STABILISED_FROM: f64 = 1e-3;
 
 /// Takes steps with one method at a time.
 pub struct Integrator<'c, P: Ivp> {
@@ -35,37 +32,27 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         }
     }
 
-    /// Friction is stiff and not very smooth: at the tolerances of engineering the stabilised method is cheapest, at
-    /// tighter ones Merson's, which is accurate wherever it is stable. Without friction the motion is smooth and mostly
-    /// not stiff: the method of Dormand and Prince. Without any loss nothing is damped, and the stabilised method has no
-    /// place. Where the steps show it to be otherwise the other method takes over (`Choice`).
+    /// Friction is stiff and not very smooth: Merson's method, which is accurate wherever it is stable, takes the first
+    /// impacts, whose errors grow most, and then gives way to the stabilised one where that is cheaper. Without friction
+    /// the motion is smooth and mostly not stiff: the method of Dormand and Prince, with the same way out. Without any
+    /// loss nothing is damped, and the stabilised method has no place.
     fn auto(scene: &Scene) -> Self {
         let effects = Effects::of(scene);
-        let stabilised = || Box::new(Chebyshev::new()) as Box<dyn Method<P> + 'c>;
         let table = |table| Box::new(RungeKutta::new(table)) as Box<dyn Method<P> + 'c>;
-        let start = |active, resting, choice| Integrator {
+        let start = |active, choice| Integrator {
             active,
-            resting: Some((resting, choice)),
+            resting: Some((Box::new(Chebyshev::new()) as Box<dyn Method<P> + 'c>, choice)),
             stable: None,
             spent: 0,
         };
         if effects.variant != Variant::Basic {
-            return if scene.solver.tolerance.is_some_and(|tolerance| tolerance < STABILISED_FROM) {
-                let why =
-                    "friction is stiff, and the tolerance so tight that small steps are needed all the same";
-                start(table(&MERSON), stabilised(), Choice::new(Kind::Explicit, &MERSON, why))
-            } else {
-                let choice = Choice::new(Kind::Stabilised, &MERSON, "friction is stiff");
-                start(stabilised(), table(&MERSON), choice)
-            };
+            let why = "friction is not very smooth";
+            return start(table(&MERSON), Choice::new(&MERSON, why));
         }
-        let choice = |why| Choice::new(Kind::Explicit, &DORMAND_PRINCE, why);
-        if effects.dissipative {
-            start(table(&DORMAND_PRINCE), stabilised(), choice("without friction the motion is smooth"))
-        } else {
-            let why = "nothing is lost, so nothing is damped, and the motion is smooth";
-            start(table(&DORMAND_PRINCE), stabilised(), choice(why).forever())
-        }
+        let why = "without friction the motion is smooth";
+        let choice = Choice::new(&DORMAND_PRINCE, why);
+        let choice = if effects.dissipative { choice } else { choice.forever() };
+        start(table(&DORMAND_PRINCE), choice)
     }
 
     /// To be called before a trial: finds out what is stable from `anchor`, and changes the method where that pays. Returns
