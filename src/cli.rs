@@ -33,7 +33,7 @@ pub struct CommandLine {
 /// What is done about a scene beside running it.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 enum Command {
-    Accuracy(AccuracyArgs),
+    Accuracy(Box<AccuracyArgs>),
 }
 
 /// What a command line asks for.
@@ -49,7 +49,7 @@ impl CommandLine {
     /// What it asks for.
     pub fn work(self) -> Work {
         match (self.command, self.run) {
-            (Some(Command::Accuracy(args)), _) => Work::Accuracy(Box::new(args)),
+            (Some(Command::Accuracy(args)), _) => Work::Accuracy(args),
             (None, run) => Work::Run(run.expect("without a command the scene is required")),
         }
     }

@@ -162,7 +162,7 @@ impl Setup {
 }
 
 /// The largest distance of a starting centre from a wall that gravity points to, m.
-fn fall_height(scene: &Scene, start: &Start) -> Option<f64> {
+pub fn fall_height(scene: &Scene, start: &Start) -> Option<f64> {
     let floors = floors(scene);
     let depths = start.x.iter().flat_map(|x| floors.iter().map(move |floor| floor.depth(&Vec3::from(*x))));
     depths.fold(None, |most: Option<f64>, depth| Some(most.map_or(depth, |most| most.max(depth))))
