@@ -48,17 +48,16 @@ pub fn recommendation(question: &Question) -> String {
 
 /// The cheapest run for an accuracy, and what ten times more accuracy costs; for the smallest error there is where no
 /// run reaches the target.
-fn sentence(
-    runs: &[Record],
-    measure: &str,
-    target: f64,
-    what: impl Fn(f64) -> String,
-) -> Option<String> {
-    let sound: Vec<(f64, &Record)> = (runs.iter())
+fn sentence(runs: &[Record], measure: &str, target: f64, what: impl Fn(f64) -> String) -> Option<String> {
+    let all: Vec<(f64, &Record)> = (runs.iter())
         .filter(|record| record.failure.is_none())
         .filter_map(|record| Some((*record.measures.get(measure)?, record)))
         .filter(|(error, _)| error.is_finite())
         .collect();
+    // The right fixed step is known afterwards only, so that it is no advice where there is another.
+    let (fixed, controlled): (Vec<_>, Vec<_>) =
+        all.iter().partition(|(_, record)| record.solver.step.is_some());
+    let sound = if controlled.is_empty() { fixed.clone() } else { controlled };
     let smallest = sound.iter().map(|&(error, _)| error).min_by(f64::total_cmp)?;
     // A round number above the smallest error.
     let target = if smallest <= target { target } else { 10f64.powf(smallest.log10().ceil()) };
@@ -79,7 +78,15 @@ fn sentence(
             format!("ten times more accuracy costs {times:.1} times as much ({})", setting(better))
         }
     };
-    Some(format!("{first}; {more}."))
+    let by_luck =
+        cheapest(&fixed, target).filter(|(_, lucky)| lucky.work.rhs_evaluations < rhs).map(|(_, lucky)| {
+            let rhs = grouped(lucky.work.rhs_evaluations);
+            format!(
+                " A fixed {} would do with {rhs}, but which step is right is known afterwards only.",
+                setting(lucky)
+            )
+        });
+    Some(format!("{first}; {more}.{}", by_luck.unwrap_or_default()))
 }
 
 /// The run with the fewest right-hand sides among those whose error is at most `target`.
@@ -93,8 +100,8 @@ fn cheapest<'a>(runs: &[(f64, &'a Record)], target: f64) -> Option<(f64, &'a Rec
 fn setting(record: &Record) -> String {
     let solver = &record.solver;
     match (solver.tolerance, solver.step) {
-        (Some(tolerance), _) => format!("tolerance {tolerance:e} ({})", solver.method),
-        (None, Some(step)) => format!("step {step:e} s ({})", solver.method),
+        (Some(tolerance), _) => format!("{} at tolerance {tolerance:e}", solver.method),
+        (None, Some(step)) => format!("step of {step:e} s ({})", solver.method),
         (None, None) => solver.method.clone(),
     }
 }
@@ -113,12 +120,20 @@ fn bed_sentence(question: &Question) -> Option<String> {
     let tried = runs.iter().filter(|record| record.solver.method == **method);
     let loosest = tried.clone().filter_map(|record| record.solver.tolerance).fold(0.0, f64::max);
     let Some(from) = still_from(question.statistics, method, question.radius) else {
-        return Some(format!("Statistics of the bed still move at the tightest tolerance tried ({method})."));
+        return Some(format!(
+            "That statistics of the bed stand still is not shown at any tolerance tried ({method}): more --seeds give \
+             narrower intervals, smaller --tolerances smaller differences."
+        ));
     };
-    let rhs = tried.filter(|record| record.solver.tolerance == Some(from)).map(|r| r.work.rhs_evaluations).next()?;
+    let rhs = tried
+        .filter(|record| record.solver.tolerance == Some(from))
+        .map(|r| r.work.rhs_evaluations)
+        .next()?;
     let cost = format!("{} right-hand sides a bed", grouped(rhs));
     Some(if from == loosest {
-        format!("Statistics of the bed do not move even at tolerance {from:e} ({method}), the loosest tried: {cost}.")
+        format!(
+            "Statistics of the bed do not move even at tolerance {from:e} ({method}), the loosest tried: {cost}."
+        )
     } else {
         format!("Statistics of the bed do not move below tolerance {from:e} ({method}): {cost}.")
     })
@@ -171,10 +186,15 @@ mod tests {
         ];
         assert_eq!(
             advice(&records, &[]),
-            "For positions right to 1e-3 m at t = 0.6000 s take tolerance 1e-3 (auto): 15 280 right-hand sides, error 9e-4; \
-             ten times more accuracy costs 1.9 times as much (tolerance 1e-4 (auto))."
+            "For positions right to 1e-3 m at t = 0.6000 s take auto at tolerance 1e-3: 15 280 right-hand sides, error 9e-4; \
+             ten times more accuracy costs 1.9 times as much (auto at tolerance 1e-4)."
         );
         assert!(advice(&records[..3], &[]).contains("no run here was ten times more accurate"));
+        let mut lucky = state("velocity-verlet", 1e-9, 9_000, 9e-4);
+        (lucky.solver.tolerance, lucky.solver.step) = (None, Some(1e-5));
+        let text = advice(&[records[1].clone(), lucky.clone()], &[]);
+        assert!(text.contains("take auto") && text.contains("fixed step of 1e-5 s"), "{text}");
+        assert!(advice(&[lucky], &[]).contains("take step of 1e-5 s (velocity-verlet)"));
         // Where no run is accurate enough, the next power of ten that one reaches.
         assert!(advice(&records[..1], &[]).contains("right to 1e-2 m"), "{}", advice(&records[..1], &[]));
     }
@@ -201,11 +221,9 @@ mod tests {
             interval: mean,
             paired,
         };
-        let list = |loosest| [
-            statistic(1e-1, difference(loosest)),
-            statistic(1e-2, difference(0.0)),
-            statistic(1e-3, None),
-        ];
+        let list = |loosest| {
+            [statistic(1e-1, difference(loosest)), statistic(1e-2, difference(0.0)), statistic(1e-3, None)]
+        };
         let text = advice(&runs, &list(0.02));
         assert!(text.contains("do not move below tolerance 1e-2 (auto): 1 000 000 right-hand"), "{text}");
         assert!(advice(&runs, &list(0.0)).contains("do not move even at tolerance 1e-1"));

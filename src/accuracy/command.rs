@@ -99,17 +99,19 @@ impl Comparison<'_> {
 
     /// Tells how many runs are to come.
     fn announce(&self) {
-        let count = |study| match (self.asks(study), solvers(self.args, study, &self.scene, &self.starts[0].1).len()) {
-            (false, _) => 0,
-            (true, count) => match study {
-                Study::Impact => count,
-                // And the twin; the reference and its own reference.
-                Study::State => 2 + (count + 2) * self.starts.len(),
-                Study::Energy => count + 1,
-                Study::Ensemble if no_bed(&self.scene, &self.starts[0].1).is_some() => 0,
-                Study::Ensemble => count * self.starts.len(),
-            },
-        };
+        let count =
+            |study| match (self.asks(study), solvers(self.args, study, &self.scene, &self.starts[0].1).len())
+            {
+                (false, _) => 0,
+                (true, count) => match study {
+                    Study::Impact => count,
+                    // And the twin; the reference and its own reference.
+                    Study::State => 2 + (count + 2) * self.starts.len(),
+                    Study::Energy => count + 1,
+                    Study::Ensemble if no_bed(&self.scene, &self.starts[0].1).is_some() => 0,
+                    Study::Ensemble => count * self.starts.len(),
+                },
+            };
         let counts = Study::ALL.map(count);
         let (impact, ensemble) = (self.asks(Study::Impact), self.asks(Study::Ensemble));
         let sweep = sweep::count(&self.variations, impact, ensemble);
@@ -146,8 +148,7 @@ impl Comparison<'_> {
             }
             if self.asks(Study::Energy) {
                 let list = solvers(Study::Energy);
-                let (findings, energies) =
-                    energy::study(farm, scene, (first.0, &first.1), &list, when.time);
+                let (findings, energies) = energy::study(farm, scene, (first.0, &first.1), &list, when.time);
                 found.add(findings);
                 found.energies = Some(energies);
             }

@@ -66,8 +66,9 @@ pub fn study(
     } else {
         "the balance is the largest energy that is neither there nor lost by rebound or friction"
     };
-    let notes =
-        vec![format!("energy: {what}, over the largest kinetic energy, in {FRAMES} frames up to t = {time:.4} s")];
+    let notes = vec![format!(
+        "energy: {what}, over the largest kinetic energy, in {FRAMES} frames up to t = {time:.4} s"
+    )];
     (Findings { records, notes, ..Findings::default() }, Energies { lines: lines(&samples[0].numbers) })
 }
 

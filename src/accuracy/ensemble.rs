@@ -144,11 +144,14 @@ pub fn statistics(records: &[Record], best: Option<&Solver>) -> Vec<Statistic> {
             let Some(mean) = interval(&values) else { continue };
             let (solver, variation) = (&group[0].solver, &group[0].variation);
             let partner = |other: &&Vec<&Record>| {
-                Some(&other[0].solver) == best && other[0].variation == *variation && *solver != other[0].solver
+                Some(&other[0].solver) == best
+                    && other[0].variation == *variation
+                    && *solver != other[0].solver
             };
             let paired = groups.iter().find(partner).and_then(|other| {
                 let same = |record: &Record| other.iter().find(|partner| partner.seed == record.seed);
-                let difference = |record: &&Record| value(record) - same(record).map_or(f64::NAN, |r| value(r));
+                let difference =
+                    |record: &&Record| value(record) - same(record).map_or(f64::NAN, |r| value(r));
                 interval(&group.iter().map(difference).collect::<Vec<_>>())
             });
             let (solver, variation, measure) = (solver.clone(), variation.clone(), measure.to_owned());
@@ -159,8 +162,8 @@ pub fn statistics(records: &[Record], best: Option<&Solver>) -> Vec<Statistic> {
 }
 
 /// The loosest tolerance of `method` from which on no statistic moves: at it and at every tighter one, every interval
-/// of the difference to the most accurate solver contains 0 or lies within what a user would call the same, for
-/// spheres of radius `r` (m).
+/// of the difference to the most accurate solver contains 0 and is narrow, or lies within what a user would call the
+/// same, for spheres of radius `r` (m).
 pub fn still_from(statistics: &[Statistic], method: &str, r: f64) -> Option<f64> {
     let mut tolerances: Vec<f64> = (statistics.iter())
         .filter(|statistic| statistic.solver.method == method)
@@ -181,14 +184,19 @@ pub fn still_from(statistics: &[Statistic], method: &str, r: f64) -> Option<f64>
 
 /// Whether a difference is none that a user would see.
 fn same(paired: &Interval, measure: &str, r: f64) -> bool {
-    let seen = match measure {
-        VOLUME_FRACTION => 0.004,
-        BED_HEIGHT => 0.02 * r,
-        COORDINATION => 0.1,
-        _ => 0.05 * r,
+    // What would be seen, and the half-width of an interval that could hide it.
+    let (seen, blind) = match measure {
+        VOLUME_FRACTION => (0.004, 0.006),
+        BED_HEIGHT => (0.02 * r, 0.04 * r),
+        COORDINATION => (0.1, 0.15),
+        _ => (0.05 * r, 0.1 * r),
     };
     let (mean, half) = (paired.mean.abs(), paired.half_width);
-    if half.is_finite() { mean <= half || mean + half <= seen } else { paired.count == 1 && mean <= seen }
+    if half.is_finite() {
+        mean + half <= seen || (mean <= half && half <= blind)
+    } else {
+        paired.count == 1 && mean <= seen
+    }
 }
 
 #[cfg(test)]
@@ -237,12 +245,14 @@ mod tests {
     fn a_statistic_is_still_from_the_loosest_tolerance_of_an_unbroken_row() {
         let base = [0.60, 0.70, 0.65];
         let moved = |by: [f64; 3]| [0, 1, 2].map(|k| Some(base[k] + by[k]));
-        let (still, noisy, biased) = ([0.001; 3], [0.02, -0.02, 0.0], [0.01; 3]);
+        let (still, noisy, biased) = ([0.001; 3], [0.002, -0.002, 0.0], [0.01; 3]);
         let rows = |a, b, c| {
             statistics_of(&[(1e-1, moved(a)), (1e-2, moved(b)), (1e-3, moved(c)), (1e-4, moved([0.0; 3]))])
         };
         assert_eq!(still_from(&rows(biased, still, noisy), "auto", 0.1), Some(1e-2));
         assert_eq!(still_from(&rows(still, noisy, still), "auto", 0.1), Some(1e-1));
+        // A wide interval hides anything.
+        assert_eq!(still_from(&rows(still, [0.1, -0.1, 0.0], still), "auto", 0.1), Some(1e-3));
         // An interval that contains 0 by chance beyond one that does not shows nothing.
         assert_eq!(still_from(&rows(noisy, biased, still), "auto", 0.1), Some(1e-3));
         assert_eq!(still_from(&rows(still, still, still), "merson", 0.1), None);

@@ -133,8 +133,7 @@ fn gather(comm: &dyn Comm, own: &[Sample]) -> Vec<Vec<Sample>> {
 fn packed(samples: &[Sample]) -> Vec<f64> {
     let mut list = Vec::new();
     for Sample { work, failure, numbers } in samples {
-        let counts =
-            [work.rhs_evaluations, work.pair_evaluations, work.steps_accepted, work.steps_rejected];
+        let counts = [work.rhs_evaluations, work.pair_evaluations, work.steps_accepted, work.steps_rejected];
         // Counts are exact below 2^53.
         list.extend(counts.map(|count| count as f64));
         let why = failure.as_deref().unwrap_or_default();

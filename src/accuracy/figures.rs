@@ -44,9 +44,27 @@ impl Shown<'_> {
         };
         let name = self.name;
         let curves = [
-            ("impact.svg", Study::Impact, REBOUND_ERROR, "one impact", "relative error of the rebound time"),
-            ("restitution.svg", Study::Impact, RESTITUTION_ERROR, "one impact", "relative error of the restitution"),
-            ("state.svg", Study::State, POSITION_ERROR, "state", "largest position error (m), median over seeds"),
+            (
+                "impact.svg",
+                Study::Impact,
+                REBOUND_ERROR,
+                "rebound time of one impact",
+                "relative error of the rebound time",
+            ),
+            (
+                "restitution.svg",
+                Study::Impact,
+                RESTITUTION_ERROR,
+                "restitution of one impact",
+                "relative error of the restitution",
+            ),
+            (
+                "state.svg",
+                Study::State,
+                POSITION_ERROR,
+                "state",
+                "largest position error (m), median over seeds",
+            ),
             ("energy.svg", Study::Energy, measure(self.scene), "energy", ENERGY_LABEL),
         ];
         for (svg, study, measure, what, label) in curves {
@@ -63,7 +81,7 @@ impl Shown<'_> {
         }
         if let Some((separation, _)) = self.separation.filter(|(separation, _)| separation.points.len() > 1) {
             let lines = separation_lines(separation);
-            let title = format!("{name}: how far a tiny shift grows");
+            let title = format!("{name}: how a shift of 1e-9 radii grows");
             series(&file("separation.svg"), &title, "time (s)", "largest distance (m)", true, &lines)?;
         }
         if let Some(energies) = self.energies.filter(|energies| !energies.lines.is_empty()) {
@@ -118,18 +136,24 @@ fn separation_lines(separation: &Separation) -> Vec<Line> {
     ]
 }
 
-/// One panel a statistic, tolerance across; fixed steps have no place there.
+/// Two panels a statistic, tolerance across: its mean, and the difference to the most accurate solver, from which
+/// the differences between seeds are gone. Fixed steps have no place there.
 fn ensemble_panels(statistics: &[Statistic]) -> Vec<Panel> {
-    let panel = |&name: &&str| {
+    let panel = |name: &str, title: String, of: fn(&Statistic) -> Option<Interval>| {
         let mut groups: Vec<Group> = Vec::new();
         for s in statistics.iter().filter(|s| s.measure == name) {
-            let Some(x) = s.solver.tolerance else { continue };
-            add(&mut groups, &s.solver.method, Bar { x, interval: s.interval });
+            let (Some(x), Some(interval)) = (s.solver.tolerance, of(s)) else { continue };
+            add(&mut groups, &s.solver.method, Bar { x, interval });
         }
         let x_label = "tolerance".to_owned();
-        Panel { name: name.to_owned(), x_label, across: Across::Logarithmic, log_y: false, groups }
+        Panel { name: title, x_label, across: Across::Logarithmic, log_y: false, groups }
     };
-    STATISTICS.iter().map(panel).filter(|panel| !panel.groups.is_empty()).collect()
+    let best = statistics.iter().find(|s| s.paired.is_none()).map_or(String::new(), |s| s.solver.label());
+    let both = |&name: &&str| {
+        let difference = format!("{name}: difference to {best}");
+        [panel(name, name.to_owned(), |s| Some(s.interval)), panel(name, difference, |s| s.paired)]
+    };
+    STATISTICS.iter().flat_map(both).filter(|panel| !panel.groups.is_empty()).collect()
 }
 
 fn add(groups: &mut Vec<Group>, name: &str, bar: Bar) {
@@ -154,8 +178,10 @@ fn sweep_panels(records: &[Record], statistics: &[Statistic]) -> Vec<Panel> {
     let across = match &numbers {
         None => Across::Named(values),
         Some(numbers) => {
-            let (low, high) =
-                (numbers.iter().copied().fold(f64::INFINITY, f64::min), numbers.iter().copied().fold(0.0, f64::max));
+            let (low, high) = (
+                numbers.iter().copied().fold(f64::INFINITY, f64::min),
+                numbers.iter().copied().fold(0.0, f64::max),
+            );
             if low > 0.0 && high > 8.0 * low { Across::Logarithmic } else { Across::Linear }
         }
     };
@@ -174,7 +200,9 @@ fn sweep_panels(records: &[Record], statistics: &[Statistic]) -> Vec<Panel> {
     for measure in [REBOUND_TIME, LATER, RESTITUTION, BEYOND_E] {
         let mut groups = Vec::new();
         for record in records.iter().filter(|record| record.study == Study::Impact) {
-            let (Some(x), Some(&mean)) = (place(&record.variation), record.measures.get(measure)) else { continue };
+            let (Some(x), Some(&mean)) = (place(&record.variation), record.measures.get(measure)) else {
+                continue;
+            };
             // One run, and no chance in it.
             add(&mut groups, "impact", Bar { x, interval: Interval { mean, half_width: 0.0, count: 1 } });
         }
@@ -225,8 +253,7 @@ mod tests {
     #[test]
     fn a_sweep_of_numbers_has_a_scale_and_one_of_words_has_names() {
         let panels = |variations: [&str; 2]| {
-            let runs = variations
-                .map(|v| record(adaptive("merson", 1e-9), Some(v), REBOUND_TIME, Some(3.6)));
+            let runs = variations.map(|v| record(adaptive("merson", 1e-9), Some(v), REBOUND_TIME, Some(3.6)));
             sweep_panels(&runs, &[])
         };
         let numbers = panels(["contact.stiffness_exponent=30", "contact.stiffness_exponent=500"]);

@@ -16,7 +16,10 @@ pub struct Findings {
 
 /// Measures by name; those that are NaN do not exist.
 pub fn measures<const N: usize>(list: [(&str, f64); N]) -> BTreeMap<String, f64> {
-    list.into_iter().filter(|(_, value)| !value.is_nan()).map(|(name, value)| (name.to_owned(), value)).collect()
+    list.into_iter()
+        .filter(|(_, value)| !value.is_nan())
+        .map(|(name, value)| (name.to_owned(), value))
+        .collect()
 }
 
 /// The records in groups of one solver and variation, in the order of their first members.
@@ -25,7 +28,8 @@ pub fn by_solver<'a>(records: impl IntoIterator<Item = &'a Record>) -> Vec<Vec<&
     for record in records {
         let like = |group: &&mut Vec<&Record>| {
             let first = group[0];
-            (&first.solver, &first.variation, first.study) == (&record.solver, &record.variation, record.study)
+            (&first.solver, &first.variation, first.study)
+                == (&record.solver, &record.variation, record.study)
         };
         match groups.iter_mut().find(like) {
             Some(group) => group.push(record),

@@ -22,6 +22,9 @@ const SHIFT: f64 = 1e-9;
 const PARTED: f64 = 1000.0;
 /// Frames of the search for that time.
 const FRAMES: usize = 100;
+/// Frames of a run of which the end only is wanted: how often the work is compared with its limit. Few, because a frame
+/// between two steps costs some methods right-hand sides.
+const END_FRAMES: f64 = 10.0;
 /// The search ends after this time, s, or after 1.5 times the longest fall.
 const SEARCH: f64 = 1.0;
 
@@ -167,7 +170,7 @@ pub fn reference(farm: &Farm, scene: &Scene, starts: &[Start], time: f64) -> Res
 /// Runs the scene with its solver to `time` (s); the numbers are the state there, or nothing after a failure.
 pub fn end_state(scene: &Scene, start: &Start, time: f64, limit: u64) -> Sample {
     let mut scene = scene.clone();
-    (scene.t_end, scene.output.interval) = (time, Some(time / 20.0));
+    (scene.t_end, scene.output.interval) = (time, Some(time / END_FRAMES));
     scene.output.energy = false;
     let mut end = Vec::new();
     let sample = run(&scene, start, limit, |shot| {

@@ -41,6 +41,15 @@ pub fn work_limit(particles: usize) -> u64 {
 /// Runs `scene` from `start`, at most for `limit` right-hand sides, and shows every frame to `look`. The sample has
 /// the work, up to the last frame where the run failed, and why it failed; numbers are left to the caller.
 pub fn run(scene: &Scene, start: &Start, limit: u64, mut look: impl FnMut(&Shot)) -> Sample {
+    // The work of fixed steps is known before.
+    let steps = scene.solver.step.map_or(0.0, |step| scene.t_end / step);
+    if steps > limit as f64 {
+        let why = Error::WorkLimit { t: 0.0, done: 0, limit };
+        return Sample {
+            failure: Some(format!("{why}, and there would be {steps:.0} steps")),
+            ..Sample::default()
+        };
+    }
     let mut counts = Counts::default();
     let outcome = dispatch(scene, Plain { scene, start, limit, counts: &mut counts, look: &mut look });
     let work = Work {

@@ -115,7 +115,10 @@ mod tests {
         assert_eq!(all.last().map(String::as_str), Some("velocity-verlet 2.6e-6 s"));
         assert_eq!(labels("", Study::Ensemble).len(), 8);
         assert_eq!(
-            labels("--methods merson,velocity-verlet --tolerances 1e-2,1e-1,1e-2 --steps 1e-5 --paper", Study::Impact),
+            labels(
+                "--methods merson,velocity-verlet --tolerances 1e-2,1e-1,1e-2 --steps 1e-5 --paper",
+                Study::Impact
+            ),
             ["merson 1e-1", "merson 1e-2", "velocity-verlet 1e-5 s", "paper 1e-1"]
         );
     }

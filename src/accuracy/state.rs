@@ -97,7 +97,7 @@ pub fn study(
             measures: measures([
                 (POSITION_ERROR, sample.number(0)),
                 (VELOCITY_ERROR, sample.number(1)),
-                (SPIN_ERROR, sample.number(2)),
+                (SPIN_ERROR, if scene.rotates() { sample.number(2) } else { f64::NAN }),
             ]),
             failure: sample.failure.clone(),
         })

@@ -92,7 +92,9 @@ pub fn variations(args: &AccuracyArgs, comm: &dyn Comm) -> Result<Vec<Variation>
         let name = format!("{}={value}", sweep.key);
         let sets: Vec<String> = args.set.iter().cloned().chain([name.clone()]).collect();
         let (scene, starts) = load(args, &sets, comm).map_err(|why| match why {
-            Error::Input(text) => Error::Input(text.replacen("--set", "--sweep", usize::from(text.contains(&name)))),
+            Error::Input(text) => {
+                Error::Input(text.replacen("--set", "--sweep", usize::from(text.contains(&name))))
+            }
             other => other,
         })?;
         Ok(Variation { name, scene, starts })
@@ -148,12 +150,15 @@ fn impacts(farm: &Farm, variations: &[Variation]) -> Vec<Record> {
     let setups: Vec<Setup> = variations.iter().map(|v| Setup::of(&v.scene, &v.starts[0].1)).collect();
     let samples = farm.run("sweep of impacts", &setups, |setup| setup.simulate(&solver));
     let record = |((v, setup), sample): ((&Variation, &Setup), &_)| {
-        let Record { study, solver, seed, work, measures: found, failure, .. } = setup.record(&solver, sample);
-        let value = |name: &str| found.get(name).copied().unwrap_or(f64::NAN);
+        let Record { study, solver, seed, work, measures: found, failure, .. } =
+            setup.record(&solver, sample);
+        // More digits would be the solver's, not the model's.
+        let value = |name: &str| found.get(name).map_or(f64::NAN, |value| (value * 1e8).round() / 1e8);
         let e = v.scene.contact.restitution;
+        let hard = hard_rebound_time(setup.height, setup.g, e);
         let measures = measures([
             (REBOUND_TIME, value(REBOUND_TIME)),
-            (LATER, value(REBOUND_TIME) - hard_rebound_time(setup.height, setup.g, e)),
+            (LATER, setup.rebound_time.map_or(f64::NAN, |_| value(REBOUND_TIME) - hard)),
             (RESTITUTION, value(RESTITUTION)),
             (BEYOND_E, value(RESTITUTION) - e),
         ]);

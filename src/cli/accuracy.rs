@@ -15,18 +15,21 @@ use crate::accuracy::sweep::Sweep;
 /// accurate run of its own, and writes tables (runs.csv, accuracy.json) and figures (SVG) to a folder. The table, what
 /// to know about it, and a recommendation go to stdout.
 ///
-/// impact: one sphere hits a floor; error of the time to the next highest point and of the restitution against their
-/// exact values.
-/// state: all spheres at one time, against the reference. Trajectories part for ever after some time, whatever the
-/// solver; that time is found and printed, and the comparison made before.
-/// energy: drift of the energy where nothing is lost, else energy that is neither there nor accounted for.
-/// ensemble: volume fraction, bed height, coordination number and largest overlap over several initial states, with
-/// 95 % intervals.
+/// Study "impact": one sphere hits a floor; error of the time to the next highest point and of the restitution against
+/// their exact values.
+///
+/// Study "state": all spheres at one time, against the reference. Trajectories part for ever after some time, whatever
+/// the solver; that time is found and printed, and the comparison made before.
+///
+/// Study "energy": drift of the energy where nothing is lost, else energy that is neither there nor accounted for.
+///
+/// Study "ensemble": volume fraction, bed height, coordination number and largest overlap over several initial states,
+/// with 95 % intervals.
 ///
 /// Every run takes one core. Runs are shared out over ranks (mpirun) and threads; the numbers do not depend on either,
 /// but for the core seconds.
 #[derive(Debug, Clone, PartialEq, Args)]
-#[command(verbatim_doc_comment, after_help = AFTER_HELP)]
+#[command(after_help = AFTER_HELP)]
 pub struct AccuracyArgs {
     /// Scene file, TOML in SI units
     pub scene: PathBuf,
