@@ -1,8 +1,24 @@
 //! What accuracy costs: `demhybrid accuracy` runs a scene over methods and tolerances, compares with what is known
 //! exactly or with a reference of its own, and shows the result as tables, files and figures.
 
+mod advice;
+pub mod command;
+mod energy;
+mod ensemble;
 pub mod exact;
+mod farm;
+mod figures;
 pub mod files;
+mod findings;
+mod impact;
 pub mod plot;
 pub mod records;
+mod reference;
+mod run;
+pub mod solvers;
+mod starts;
+mod state;
+pub mod sweep;
+#[cfg(test)]
+mod testing;
 mod text;

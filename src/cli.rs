@@ -1,9 +1,13 @@
-//! The command line.
+//! The command line: a scene to run, or a command about a scene.
+
+mod accuracy;
 
 use std::path::PathBuf;
 
-use clap::Parser;
 use clap::builder::RangedU64ValueParser;
+use clap::{Parser, Subcommand};
+
+pub use accuracy::AccuracyArgs;
 
 /// Simulate spheres that fall, collide, rub, roll and settle.
 ///
@@ -11,7 +15,48 @@ use clap::builder::RangedU64ValueParser;
 /// VTKHDF file that ParaView, pyvista and h5py open. Runs on one core, on threads, or on MPI ranks started by mpirun:
 /// the result is the same to the last bit.
 #[derive(Debug, Clone, PartialEq, Parser)]
-#[command(name = "demhybrid", version, after_help = AFTER_HELP)]
+#[command(
+    name = "demhybrid",
+    version,
+    after_help = AFTER_HELP,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    disable_help_subcommand = true
+)]
+pub struct CommandLine {
+    #[command(flatten)]
+    run: Option<Args>,
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+/// What is done about a scene beside running it.
+#[derive(Debug, Clone, PartialEq, Subcommand)]
+enum Command {
+    Accuracy(Box<AccuracyArgs>),
+}
+
+/// What a command line asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Work {
+    /// To run a scene.
+    Run(Args),
+    /// To compare solvers on a scene.
+    Accuracy(Box<AccuracyArgs>),
+}
+
+impl CommandLine {
+    /// What it asks for.
+    pub fn work(self) -> Work {
+        match (self.command, self.run) {
+            (Some(Command::Accuracy(args)), _) => Work::Accuracy(args),
+            (None, run) => Work::Run(run.expect("without a command the scene is required")),
+        }
+    }
+}
+
+/// A run of a scene.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct Args {
     /// Scene file, TOML in SI units
     pub scene: PathBuf,
@@ -52,6 +97,9 @@ Examples:
   demhybrid configs/settle.toml
   demhybrid configs/settle.toml --set particles.grid.count=27 --set t_end=1 -o small.vtkhdf
   mpirun -n 4 demhybrid configs/settle.toml --threads 2 --force
+  demhybrid accuracy configs/quick.toml
+
+A scene whose file is called accuracy is run by demhybrid ./accuracy.
 
 Exit codes:
   0      done
@@ -69,12 +117,15 @@ mod tests {
     use clap::CommandFactory;
 
     fn parse(line: &str) -> Result<Args, clap::Error> {
-        Args::try_parse_from(line.split_whitespace())
+        match CommandLine::try_parse_from(line.split_whitespace())?.work() {
+            Work::Run(args) => Ok(args),
+            Work::Accuracy(args) => panic!("{args:?}"),
+        }
     }
 
     #[test]
     fn the_definition_is_consistent() {
-        Args::command().debug_assert();
+        CommandLine::command().debug_assert();
     }
 
     #[test]
@@ -88,6 +139,33 @@ mod tests {
         );
         assert_eq!(args.set, ["a.b=1", "c=-2"]);
         assert_eq!((args.dry_run, args.force, args.quiet, args.verbose), (true, true, false, true));
+    }
+
+    #[test]
+    fn accuracy_is_a_command_and_a_path_to_a_file_of_that_name_a_scene() {
+        let line = "demhybrid accuracy a.toml --methods merson,auto --tolerances 1e-1,1e-2 --seeds 3 -q";
+        let line = CommandLine::try_parse_from(line.split_whitespace()).unwrap();
+        let Work::Accuracy(args) = line.work() else { panic!("not a run") };
+        assert_eq!(args.scene, PathBuf::from("a.toml"));
+        assert_eq!((args.methods, args.seeds), (vec!["merson".to_owned(), "auto".to_owned()], 3));
+        assert_eq!((args.tolerances, args.quiet), (vec![1e-1, 1e-2], true));
+        assert_eq!(parse("demhybrid ./accuracy").unwrap().scene, PathBuf::from("./accuracy"));
+        for (line, parts) in [
+            ("demhybrid accuracy", vec!["<SCENE>"]),
+            ("demhybrid accuracy a.toml --methods euler", vec!["'euler'", "--methods", "merson"]),
+            ("demhybrid accuracy a.toml --tolerances 1e-1,0", vec!["'0'", "--tolerances", "greater than 0"]),
+            ("demhybrid accuracy a.toml --steps inf", vec!["'inf'", "--steps", "finite"]),
+            ("demhybrid accuracy a.toml --time x", vec!["'x'", "--time", "number"]),
+            ("demhybrid accuracy a.toml --seeds 0", vec!["0", "--seeds"]),
+            ("demhybrid accuracy a.toml --studies speed", vec!["'speed'", "--studies", "ensemble"]),
+            ("demhybrid accuracy a.toml --sweep contact", vec!["'contact'", "--sweep", "KEY=V1,V2"]),
+            ("demhybrid accuracy a.toml --sweep solver.norm=paper", vec!["--sweep", "no part of the model"]),
+        ] {
+            let mistake = CommandLine::try_parse_from(line.split_whitespace()).unwrap_err();
+            assert_eq!(mistake.exit_code(), 2, "{line}");
+            let text = mistake.to_string();
+            assert!(parts.iter().all(|part| text.contains(part)), "{line}: {text}");
+        }
     }
 
     #[test]

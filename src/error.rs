@@ -120,6 +120,17 @@ pub enum Error {
         i: u64,
     },
 
+    /// A run of a comparison did more work than it may.
+    #[error("stopped at t = {t} s after {done} right-hand sides: a run may take {limit}")]
+    WorkLimit {
+        /// Time, s.
+        t: f64,
+        /// Right-hand sides up to there.
+        done: u64,
+        /// Right-hand sides that were allowed.
+        limit: u64,
+    },
+
     /// Another rank failed, and has said why.
     #[error("another rank failed")]
     Elsewhere {
@@ -159,7 +170,8 @@ impl Error {
             | Error::Acceleration { .. }
             | Error::NoStep { .. }
             | Error::TooFast { .. }
-            | Error::BelowRoundOff { .. } => 3,
+            | Error::BelowRoundOff { .. }
+            | Error::WorkLimit { .. } => 3,
             Error::Elsewhere { code } => *code,
             Error::Output { .. } => 4,
             Error::Migration { .. } => 70,

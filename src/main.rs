@@ -1,10 +1,10 @@
 //! Starts MPI, runs the program, and turns what happened into an exit code.
 
 use clap::Parser;
-use demhybrid::cli::Args;
+use demhybrid::cli::{CommandLine, Work};
 use demhybrid::domain::{Comm, World};
 use demhybrid::error::Error;
-use demhybrid::{launch, program};
+use demhybrid::{accuracy, launch, program};
 use mpi::Threading;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
@@ -13,7 +13,7 @@ use std::time::Duration;
 const INTERNAL: i32 = 70;
 
 fn main() {
-    let args = Args::try_parse().unwrap_or_else(|message| {
+    let work = CommandLine::try_parse().map(CommandLine::work).unwrap_or_else(|message| {
         // Help and mistakes on the command line need no MPI, and one rank to print them.
         if launch::speaks_first() {
             message.exit()
@@ -32,7 +32,10 @@ fn main() {
             threading >= Threading::Funneled,
             "this MPI does not allow threads beside the one that calls it"
         );
-        program::run(&args, &world)
+        match &work {
+            Work::Run(args) => program::run(args, &world),
+            Work::Accuracy(args) => accuracy::command::run(args, &world),
+        }
     }));
     let code = match outcome {
         Ok(Ok(())) => 0,

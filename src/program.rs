@@ -20,7 +20,7 @@ use std::time::Instant;
 pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     launch::check_launcher(comm.size())?;
     let (threads, bound) = agree(comm, launch::start_threads(comm, args.threads))?;
-    let (scene, start) = load(args, comm)?;
+    let (scene, start) = load_for_output(args, comm)?;
     let file = scene.output.file.clone().unwrap_or_default();
     share(comm, || spare_the_input(args, &scene, &file))?;
     let room = report::output_bytes(&scene, start.x.len() as u64);
@@ -45,23 +45,29 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     simulation::dispatch(&scene, Run { args, scene: &scene, start: &start, comm, threads, place: &place })
 }
 
-/// Reads the scene and its particles on rank 0 and checks them on every rank alike. Collective.
-fn load(args: &Args, comm: &dyn Comm) -> Result<(Scene, Start), Error> {
-    let text = share(comm, || {
-        let unreadable =
-            |why| Error::Input(format!("{}: the scene cannot be read: {why}", args.scene.display()));
-        std::fs::read(&args.scene)
-            .map_err(|why| unreadable(why.to_string()))
-            .and_then(|bytes| String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".into())))
-    })?;
-    let name = args.scene.to_string_lossy();
-    let mut scene = Scene::parse(&name, &text, &args.set)?;
+/// The scene and its particles, with the output file of the command line. Collective.
+fn load_for_output(args: &Args, comm: &dyn Comm) -> Result<(Scene, Start), Error> {
+    let (mut scene, start) = load(&args.scene, &args.set, comm)?;
     if let Some(file) = &args.output {
         if file.to_str().is_none() {
             return Err(Error::Input(format!("--output {}: the name is not UTF-8 text", file.display())));
         }
         scene.output.file = Some(file.clone());
     }
+    Ok((scene, start))
+}
+
+/// Reads the scene `path` and its particles on rank 0 and checks them, with the `--set` options `sets`, on every rank
+/// alike. Collective.
+pub(crate) fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Start), Error> {
+    let text = share(comm, || {
+        let unreadable = |why| Error::Input(format!("{}: the scene cannot be read: {why}", path.display()));
+        std::fs::read(path)
+            .map_err(|why| unreadable(why.to_string()))
+            .and_then(|bytes| String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".into())))
+    })?;
+    let name = path.to_string_lossy();
+    let mut scene = Scene::parse(&name, &text, sets)?;
     // 63 bits: what a TOML integer holds, so that the recorded scene can be read again.
     let seed = share(comm, || Ok((rand::random::<u64>() >> 1).to_string()))?;
     scene.set_seed_if_missing(seed.parse().expect("it was printed as a number"));
@@ -71,7 +77,7 @@ fn load(args: &Args, comm: &dyn Comm) -> Result<(Scene, Start), Error> {
             start::grid(&scene, grid)
         }
         None => {
-            let folder = args.scene.parent().map(Path::to_path_buf).unwrap_or_default();
+            let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
             let mut read = Ok(Start::default());
             share(comm, || {
                 read = start::read_csv(&scene, &folder);
@@ -87,7 +93,7 @@ fn load(args: &Args, comm: &dyn Comm) -> Result<(Scene, Start), Error> {
 }
 
 /// What `make` gives on rank 0, text or mistake, on every rank. Collective.
-fn share(comm: &dyn Comm, make: impl FnOnce() -> Result<String, Error>) -> Result<String, Error> {
+pub(crate) fn share(comm: &dyn Comm, make: impl FnOnce() -> Result<String, Error>) -> Result<String, Error> {
     let mut bytes = Vec::new();
     if comm.rank() == 0 {
         let (flag, text) = match make() {
@@ -117,7 +123,7 @@ fn share_start(comm: &dyn Comm, own: Start) -> Start {
 }
 
 /// Makes the failure of one rank everybody's: the lowest rank that failed says why, all leave together. Collective.
-fn agree<T>(comm: &dyn Comm, own: Result<T, Error>) -> Result<T, Error> {
+pub(crate) fn agree<T>(comm: &dyn Comm, own: Result<T, Error>) -> Result<T, Error> {
     let rank = comm.rank() as f64;
     let mut first = [if own.is_err() { -rank } else { f64::NEG_INFINITY }];
     comm.max(&mut first);

@@ -73,6 +73,13 @@ impl Impact {
         (f64::NAN, f64::NAN)
     }
 
+    /// Acceleration away from the plane, m/s^2, at the gap `l` (m) that grows at the rate `v` (m/s), under the gravity
+    /// `g` (m/s^2).
+    pub fn acceleration(&self, l: f64, v: f64, g: f64) -> f64 {
+        let repulsion = if l <= self.l_max { self.f_0 * (-self.kappa * l).exp() } else { 0.0 };
+        repulsion * rebound(self.e, -2.0 * self.psi * v) / self.mass - g
+    }
+
     /// Time (s) until the next highest point after a release at rest with `height` (m) between the surface and the
     /// floor, under the gravity `g` (m/s^2; > 0). Infinite where the sphere creeps to its place of rest without
     /// turning, NaN where the numbers overflow.

@@ -19,6 +19,9 @@ pub enum Study {
 }
 
 impl Study {
+    /// All of them.
+    pub const ALL: [Study; 4] = [Study::Impact, Study::State, Study::Energy, Study::Ensemble];
+
     /// The word for it in tables and files.
     pub fn name(self) -> &'static str {
         match self {
@@ -159,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_study_is_serialised_as_its_name() {
-        for study in [Study::Impact, Study::State, Study::Energy, Study::Ensemble] {
+        for study in Study::ALL {
             let json = serde_json::to_value(study).unwrap();
             assert_eq!(json, study.name());
         }

@@ -14,6 +14,16 @@ pub fn scientific(value: f64, digits: usize) -> String {
     }
 }
 
+/// `value` with `digits` significant digits, without an exponent where it is neither tiny nor huge: `3.61907`, `0.4812`.
+pub fn significant(value: f64, digits: usize) -> String {
+    let exponent = value.abs().log10().floor();
+    if value == 0.0 || !(-4.0..6.0).contains(&exponent) {
+        return scientific(value, digits.saturating_sub(1));
+    }
+    let places = (digits as f64 - 1.0 - exponent).max(0.0) as usize;
+    format!("{value:.places$}")
+}
+
 /// `text` on one line and with at most `most` characters, the last one an ellipsis where some are missing.
 pub fn shortened(text: &str, most: usize) -> String {
     let line: Vec<char> = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
@@ -36,6 +46,16 @@ mod tests {
         assert_eq!(scientific(0.0, 2), "0");
         assert_eq!(scientific(f64::NAN, 2), "NaN");
         assert_eq!(scientific(f64::INFINITY, 2), "inf");
+    }
+
+    #[test]
+    fn ordinary_numbers_have_no_exponent() {
+        assert_eq!(significant(3.619_071_68, 6), "3.61907");
+        assert_eq!(significant(0.481_23, 4), "0.4812");
+        assert_eq!(significant(-15.0, 4), "-15.00");
+        assert_eq!(significant(1e-9, 4), "1e-9");
+        assert_eq!(significant(0.0, 4), "0");
+        assert_eq!(significant(f64::NAN, 4), "NaN");
     }
 
     #[test]

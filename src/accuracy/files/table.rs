@@ -1,7 +1,7 @@
 //! The comparison as a plain text table for the terminal.
 
 use crate::accuracy::records::{Interval, Record, Solver, Statistic, Study};
-use crate::accuracy::text::{scientific, shortened};
+use crate::accuracy::text::{scientific, shortened, significant};
 use std::collections::BTreeSet;
 
 /// Measures of a study that have a column; the others are in the CSV file.
@@ -45,16 +45,25 @@ fn runs(records: &[&Record]) -> String {
         line.push(record.work.rhs_evaluations.to_string());
         line.push(scientific(record.work.core_seconds, 2));
         line.extend(
-            shown.iter().map(|&name| record.measures.get(name).map_or("-".to_owned(), |&v| scientific(v, 2))),
+            shown.iter().map(|&name| record.measures.get(name).map_or("-".to_owned(), |&v| cell(name, v))),
         );
         let reason = record.failure.as_ref().map(|why| format!("failed: {}", shortened(why, REASON)));
         grid.push(line, reason);
     }
     let mut text = grid.text();
     if names.len() > shown.len() {
-        text += &format!("  {} more measures are in the CSV file\n", names.len() - shown.len());
+        text += &format!(
+            "  also in the CSV file: {}\n",
+            Vec::from_iter(names.into_iter().skip(shown.len())).join(", ")
+        );
     }
     text
+}
+
+/// A measure: of errors the size matters, of other quantities their digits.
+fn cell(name: &str, value: f64) -> String {
+    let is_error = ["error", "drift", "balance"].iter().any(|word| name.contains(word));
+    if is_error { scientific(value, 2) } else { significant(value, 6) }
 }
 
 /// One line a solver, with the means over its seeds.
@@ -91,7 +100,7 @@ fn means(statistics: &[Statistic]) -> String {
     for statistic in statistics {
         let mut line = asked(statistic.variation.as_deref(), &statistic.solver);
         let Interval { mean, half_width, count } = statistic.interval;
-        line.extend([statistic.measure.clone(), scientific(mean, 3), scientific(half_width, 1)]);
+        line.extend([statistic.measure.clone(), significant(mean, 4), scientific(half_width, 1)]);
         line.push(count.to_string());
         line.extend(match statistic.paired {
             Some(paired) => [scientific(paired.mean, 2), scientific(paired.half_width, 1)],

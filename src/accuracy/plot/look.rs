@@ -4,7 +4,7 @@ use super::canvas::{Canvas, Drawn, Pixel};
 use plotters::style::{RGBColor, WHITE};
 
 /// Methods in the order of their looks, so that a method keeps its look whichever methods it is compared with.
-const METHODS: [&str; 5] = ["merson", "dormand-prince", "chebyshev", "auto", "velocity-verlet"];
+const METHODS: [&str; 6] = ["merson", "dormand-prince", "chebyshev", "auto", "velocity-verlet", "paper"];
 
 /// The colours of Okabe and Ito (2008), which colour-blind readers can tell apart, without their yellow, which is
 /// lost on white.

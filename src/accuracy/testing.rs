@@ -1,0 +1,28 @@
+//! A scene and command lines for tests.
+
+use crate::cli::{AccuracyArgs, CommandLine, Work};
+use crate::scene::Scene;
+use crate::start::{self, Start};
+use clap::Parser;
+
+/// Eight spheres fall into a box.
+pub fn scene() -> (Scene, Start) {
+    let text = "t_end = 1
+        gravity = [0, 0, -9.81]
+        particles = { radius = 0.1, grid = { count = 8, bottom = 0.2, seed = 1 } }
+        contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
+                    dissipation_focusing = 10, interaction_distance = 0.1 }
+        container.box = { max = [0.5, 0.5, inf] }";
+    let scene = Scene::parse("eight.toml", text, &[]).unwrap();
+    let start = start::grid(&scene, scene.particles.grid.as_ref().unwrap());
+    (scene, start)
+}
+
+/// The options of `demhybrid accuracy eight.toml` and `more`.
+pub fn args(more: &str) -> AccuracyArgs {
+    let line = format!("demhybrid accuracy eight.toml {more}");
+    match CommandLine::try_parse_from(line.split_whitespace()).unwrap().work() {
+        Work::Accuracy(args) => *args,
+        Work::Run(args) => panic!("{args:?}"),
+    }
+}

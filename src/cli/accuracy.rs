@@ -1,0 +1,122 @@
+//! The options of `demhybrid accuracy`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clap::builder::{PossibleValuesParser, RangedU64ValueParser};
+
+use crate::accuracy::records::Study;
+use crate::accuracy::solvers::METHODS;
+use crate::accuracy::sweep::Sweep;
+
+/// Find out how accurate a scene is computed, and what more accuracy would cost
+///
+/// Runs the scene with several methods and tolerances, compares the runs with exact answers and with a far more
+/// accurate run of its own, and writes tables (runs.csv, accuracy.json) and figures (SVG) to a folder. The table, what
+/// to know about it, and a recommendation go to stdout.
+///
+/// Study "impact": one sphere hits a floor; error of the time to the next highest point and of the restitution against
+/// their exact values.
+///
+/// Study "state": all spheres at one time, against the reference. Trajectories part for ever after some time, whatever
+/// the solver; that time is found and printed, and the comparison made before.
+///
+/// Study "energy": drift of the energy where nothing is lost, else energy that is neither there nor accounted for.
+///
+/// Study "ensemble": volume fraction, bed height, coordination number and largest overlap over several initial states,
+/// with 95 % intervals.
+///
+/// Every run takes one core. Runs are shared out over ranks (mpirun) and threads; the numbers do not depend on either,
+/// but for the core seconds.
+#[derive(Debug, Clone, PartialEq, Args)]
+#[command(after_help = AFTER_HELP)]
+pub struct AccuracyArgs {
+    /// Scene file, TOML in SI units
+    pub scene: PathBuf,
+
+    /// Folder for tables and figures [default: name of the scene, -accuracy, in the working folder]
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+
+    /// Methods to compare [default: all; in ensembles auto and chebyshev]
+    #[arg(long, value_name = "METHODS", value_delimiter = ',', value_parser = PossibleValuesParser::new(METHODS))]
+    pub methods: Vec<String>,
+
+    /// Tolerances of the methods with error control [default: 1e-1 to 1e-8, of chebyshev to 1e-6, in ensembles to 1e-4]
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive)]
+    pub tolerances: Vec<f64>,
+
+    /// Steps of velocity-verlet in s [default: 1e-2, 3e-3, 1e-3, 3e-4 and 1e-4 of T]
+    ///
+    /// T = 1/sqrt(kappa g) is the time in which a sphere at rest on a floor swings by one radian, for the stiffness
+    /// exponent kappa and the gravity g; without gravity T = 1/(kappa V), the time of an impact with the scene's
+    /// velocity scale V.
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive)]
+    pub steps: Vec<f64>,
+
+    /// Initial states of a scene with particles.grid: its seeds 1 to N
+    #[arg(long, value_name = "N", default_value = "5", value_parser = RangedU64ValueParser::<u64>::new().range(1..=1000))]
+    pub seeds: u64,
+
+    /// Time at which states are compared, s [default: the last one before trajectories part]
+    #[arg(long, value_name = "T", value_parser = positive)]
+    pub time: Option<f64>,
+
+    /// End of the runs of the ensemble, s [default: t_end of the scene]
+    #[arg(long, value_name = "T", value_parser = positive)]
+    pub until: Option<f64>,
+
+    /// Error of the model: repeat impact and ensemble for these values of a scene key
+    ///
+    /// For example --sweep contact.stiffness_exponent=30,150,500. One accurate solver takes all values, so that the
+    /// differences are those of the model; they have a figure and a table of their own.
+    #[arg(long, value_name = "KEY=V1,V2,..")]
+    pub sweep: Option<Sweep>,
+
+    /// Compare with the published solver too: merson, norm = "paper", tolerance 0.1
+    #[arg(long)]
+    pub paper: bool,
+
+    /// What is studied [default: all that the scene allows]
+    #[arg(long, value_name = "STUDIES", value_delimiter = ',', value_parser = study_parser())]
+    pub studies: Vec<Study>,
+
+    /// Threads of each MPI rank, each with a run of its own [default: what the rank's cores allow]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
+    pub threads: Option<usize>,
+
+    /// Set a key of the scene, e.g. --set contact.restitution=1; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+
+    /// Write into a folder that is not empty
+    #[arg(long)]
+    pub force: bool,
+
+    /// No progress, only errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+const AFTER_HELP: &str = "\
+Examples:
+  demhybrid accuracy configs/quick.toml
+  demhybrid accuracy configs/bounce.toml --studies impact --sweep contact.stiffness_exponent=30,150,500
+  mpirun -n 4 demhybrid accuracy configs/bed.toml --threads 1 --studies ensemble --seeds 10 --until 2 --paper
+
+A run that fails, or takes more right-hand sides than a run may, is shown as failed; it ends nothing.";
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        Ok(_) => Err("it must be greater than 0 and finite".into()),
+        Err(_) => Err("it must be a number, such as 1e-3".into()),
+    }
+}
+
+fn study_parser() -> impl clap::builder::TypedValueParser<Value = Study> {
+    use clap::builder::TypedValueParser;
+    let find = |name: String| Study::ALL.into_iter().find(|study| study.name() == name);
+    PossibleValuesParser::new(Study::ALL.map(Study::name))
+        .try_map(move |name| find(name).ok_or("it must be the name of a study"))
+}
