@@ -19,9 +19,9 @@
 //!
 //! # One step
 //!
-//! [`simulation::Simulation`] asks [`ode::Stepper`] for a trial step; every stage calls [`dynamics::Dynamics`], which
+//! [`simulation::Simulation`] asks an [`ode::Method`] for a trial step; every stage calls [`dynamics::Dynamics`], which
 //! refreshes the ghosts ([`domain::halo`]), evaluates every listed pair once ([`neighbors`], [`contact`]) and sums
-//! per particle in the order of ids ([`forces`]). One reduction gives all ranks the same error, and [`ode::StepRule`] the same
+//! per particle in the order of ids ([`forces`]). One reduction gives all ranks the same error, and [`ode::StepControl`] the same
 //! decision. Between steps particles migrate ([`domain::migration`]) and lists are rebuilt. Frames go to the
 //! observer, which in the program is [`output::Output`].
 

@@ -69,8 +69,7 @@ pub fn fold<A: Send + Sync + Clone>(
         return (0..n).map(value).fold(identity, fold);
     }
     let size = chunk_size(n, threads, grain);
-    let part =
-        |k: usize| (k * size..((k + 1) * size).min(n)).map(&value).fold(identity.clone(), |a, b| fold(a, b));
+    let part = |k: usize| (k * size..((k + 1) * size).min(n)).map(&value).fold(identity.clone(), &fold);
     (0..n.div_ceil(size)).into_par_iter().map(part).reduce(|| identity.clone(), &fold)
 }
 

@@ -83,13 +83,14 @@ fn state_vectors(method: &str) -> usize {
     // What a method holds does not depend on the problem.
     type Problem = Dynamics<'static, Elastic, Frictionless, Locked>;
     let of = |method: &dyn Method<Problem>| method.vectors();
-    let (dormand_prince, chebyshev) = (|| of(&RungeKutta::new(&DORMAND_PRINCE)), || of(&Chebyshev::new()));
+    let (dormand_prince, chebyshev) =
+        (|| of(&RungeKutta::new(&DORMAND_PRINCE)), || of(&Chebyshev::default()));
     STEP_VECTORS
         + match method {
             "merson" => of(&RungeKutta::new(&MERSON)),
             "dormand-prince" => dormand_prince(),
             "chebyshev" => chebyshev(),
-            "velocity-verlet" => of(&Verlet::new()),
+            "velocity-verlet" => of(&Verlet::default()),
             _ => dormand_prince() + chebyshev(),
         }
 }

@@ -92,18 +92,6 @@ pub struct Chebyshev<S> {
 }
 
 impl<S: Linear> Chebyshev<S> {
-    /// Buffers follow the number of owned particles.
-    pub fn new() -> Self {
-        Chebyshev {
-            radius: SpectralRadius::default(),
-            table: Vec::new(),
-            change: Vec::new(),
-            before: Vec::new(),
-            stage: Vec::new(),
-            slope: Vec::new(),
-        }
-    }
-
     /// Estimate of the local error of particle `i`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
     #[inline(always)]
     fn error(i: usize, h: f64, norm: &Norm, anchor: &Anchor<S>, trial: (&[S], &[S])) -> f64 {
@@ -119,7 +107,14 @@ impl<S: Linear> Chebyshev<S> {
 
 impl<S: Linear> Default for Chebyshev<S> {
     fn default() -> Self {
-        Self::new()
+        Chebyshev {
+            radius: SpectralRadius::default(),
+            table: Vec::new(),
+            change: Vec::new(),
+            before: Vec::new(),
+            stage: Vec::new(),
+            slope: Vec::new(),
+        }
     }
 }
 

@@ -85,8 +85,8 @@ impl<S: Linear> SpectralRadius<S> {
             let found = self.apply(ivp, anchor, length);
             evaluations += 1;
             let ratio = found / self.stretch;
-            // Of an oscillation every other image is short: the mean of two tells. 0/0 is no oscillation.
-            let steady = !(ratio < 0.5 || ratio > 2.0);
+            // Of an oscillation every other image is short: the mean of two tells.
+            let steady = (0.5..=2.0).contains(&ratio);
             self.estimate = if steady || k == 0 { found } else { (found * self.stretch).sqrt() };
             self.stretch = found;
             if (ratio - 1.0).abs() <= SETTLED && (k > 0 || !careful) {

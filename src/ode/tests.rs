@@ -71,6 +71,7 @@ fn free_pendulum(_t: f64, p: &Point) -> f64 {
 }
 
 type Solve = fn(f64, &Point) -> f64;
+type Any = Box<dyn Method<Points<Solve>>>;
 
 /// State at t = 2 after `steps` steps, and right-hand sides.
 fn integrate(method: &mut dyn Method<Points<Solve>>, force: Solve, steps: u32) -> (Point, u64) {
@@ -93,11 +94,7 @@ fn distance(a: Point, b: Point) -> f64 {
 }
 
 /// Order from three runs with ever smaller steps: no exact solution is needed.
-fn observed_order(
-    mut method: impl FnMut() -> Box<dyn Method<Points<Solve>>>,
-    force: Solve,
-    steps: u32,
-) -> f64 {
+fn observed_order(mut method: impl FnMut() -> Any, force: Solve, steps: u32) -> f64 {
     let mut run = |factor: u32| integrate(method().as_mut(), force, factor * steps).0;
     let (coarse, middle, fine) = (run(1), run(2), run(4));
     (distance(coarse, middle) / distance(middle, fine)).log2()
@@ -117,13 +114,13 @@ fn every_method_has_its_order() {
         observed_order(|| Box::new(RungeKutta::new(&DORMAND_PRINCE)), smooth, 20),
         5.0,
     );
-    assert_order("chebyshev", observed_order(|| Box::new(Chebyshev::new()), smooth, 50), 2.0);
+    assert_order("chebyshev", observed_order(|| Box::<Chebyshev<Point>>::default(), smooth, 50), 2.0);
 }
 
 #[test]
 fn velocity_verlet_has_order_2_where_forces_are_conservative_and_1_otherwise() {
-    assert_order("conservative", observed_order(|| Box::new(Verlet::new()), free_pendulum, 50), 2.0);
-    assert_order("damped", observed_order(|| Box::new(Verlet::new()), pendulum, 200), 1.0);
+    assert_order("conservative", observed_order(|| Box::<Verlet<Point>>::default(), free_pendulum, 50), 2.0);
+    assert_order("damped", observed_order(|| Box::<Verlet<Point>>::default(), pendulum, 200), 1.0);
 }
 
 #[test]
@@ -131,7 +128,7 @@ fn chebyshev_keeps_its_order_with_many_stages() {
     // The stages follow from a stiffness of 2000 in a direction that decays at once.
     let stiff: Solve = |t, p| -2000.0 * (p.v - t.cos()) - t.sin();
     let exact = |steps: u32| {
-        let (end, evaluations) = integrate(&mut Chebyshev::new(), stiff, steps);
+        let (end, evaluations) = integrate(&mut Chebyshev::default(), stiff, steps);
         (end, evaluations)
     };
     let ((coarse, few), (middle, _), (fine, _)) = (exact(100), exact(200), exact(400));
@@ -223,7 +220,7 @@ fn first_same_as_last_and_rejected_trials_save_right_hand_sides() {
     let counts = |method: &mut dyn Method<Points<Solve>>| integrate(method, free_pendulum, 10).1;
     assert_eq!(counts(&mut RungeKutta::new(&MERSON)), 50);
     assert_eq!(counts(&mut RungeKutta::new(&DORMAND_PRINCE)), 61);
-    assert_eq!(counts(&mut Verlet::new()), 11);
+    assert_eq!(counts(&mut Verlet::default()), 11);
     // A repeated trial knows the slope at its start, and gives the same.
     let mut ivp: Points<Solve> = Points { force: free_pendulum, evaluations: 0 };
     let mut anchor = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.0 }]);
@@ -238,10 +235,10 @@ fn first_same_as_last_and_rejected_trials_save_right_hand_sides() {
 
 #[test]
 fn the_inside_of_a_step_joins_its_ends_smoothly() {
-    let methods: [(Box<dyn Method<Points<Solve>>>, f64); 3] = [
+    let methods: [(Any, f64); 3] = [
         (Box::new(RungeKutta::new(&DORMAND_PRINCE)), 1e-9),
-        (Box::new(Chebyshev::new()), 1e-4),
-        (Box::new(Verlet::new()), 1e-4),
+        (Box::<Chebyshev<Point>>::default(), 1e-4),
+        (Box::<Verlet<Point>>::default(), 1e-4),
     ];
     for (mut method, tolerance) in methods {
         let mut ivp: Points<Solve> = Points { force: free_pendulum, evaluations: 0 };
@@ -297,8 +294,8 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
     let methods: [(Box<dyn Method<Brake>>, f64); 4] = [
         (Box::new(RungeKutta::new(&MERSON)), 1e-7),
         (Box::new(RungeKutta::new(&DORMAND_PRINCE)), 1e-8),
-        (Box::new(Chebyshev::new()), 1e-3),
-        (Box::new(Verlet::new()), 5e-2),
+        (Box::<Chebyshev<Point>>::default(), 1e-3),
+        (Box::<Verlet<Point>>::default(), 5e-2),
     ];
     for (mut method, tolerance) in methods {
         let force: Solve = |_, p| -3.0 * p.v;

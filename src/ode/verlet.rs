@@ -12,16 +12,9 @@ pub struct Verlet<S> {
     half: Vec<S>,
 }
 
-impl<S: Linear> Verlet<S> {
-    /// Buffers follow the number of owned particles.
-    pub fn new() -> Self {
-        Verlet { half: Vec::new() }
-    }
-}
-
 impl<S: Linear> Default for Verlet<S> {
     fn default() -> Self {
-        Self::new()
+        Verlet { half: Vec::new() }
     }
 }
 

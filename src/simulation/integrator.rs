@@ -26,8 +26,8 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         match scene.solver.method.as_str() {
             "merson" => fixed(Box::new(RungeKutta::new(&MERSON))),
             "dormand-prince" => fixed(Box::new(RungeKutta::new(&DORMAND_PRINCE))),
-            "velocity-verlet" => fixed(Box::new(Verlet::new())),
-            "chebyshev" => fixed(Box::new(Chebyshev::new())),
+            "velocity-verlet" => fixed(Box::<Verlet<P::State>>::default()),
+            "chebyshev" => fixed(Box::<Chebyshev<P::State>>::default()),
             _ => Self::auto(scene),
         }
     }
@@ -41,7 +41,7 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         let table = |table| Box::new(RungeKutta::new(table)) as Box<dyn Method<P> + 'c>;
         let start = |active, choice| Integrator {
             active,
-            resting: Some((Box::new(Chebyshev::new()) as Box<dyn Method<P> + 'c>, choice)),
+            resting: Some((Box::<Chebyshev<P::State>>::default() as Box<dyn Method<P> + 'c>, choice)),
             stable: None,
             spent: 0,
         };

@@ -234,7 +234,7 @@ mod tests {
         let last = text.lines().last().unwrap();
         assert_eq!(
             last.split_whitespace().collect::<Vec<_>>()[1..],
-            ["merson", "1e-3", "height", "(m)", "5.123e-1", "inf", "1", "-2e-6", "1e-6"]
+            ["merson", "1e-3", "height", "(m)", "0.5123", "inf", "1", "-2e-6", "1e-6"]
         );
         assert!(last.contains("contact.stiffness_exponent=30"));
     }
