@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Sets demhybrid up and settles the paper's bed of 200 spheres on 2 MPI ranks.
-#   launch/settle.sh [settle|settle-basic|settle-friction|bounce|quick] [options of demhybrid]
+#   launch/settle.sh [settle|bed|settle-basic|settle-friction|bounce|quick] [options of demhybrid]
 # The scene is copied to the working folder, where the result appears too. RANKS=4 asks for 4 ranks.
 set -euo pipefail
 project="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
