@@ -48,7 +48,8 @@ fn one_bounce_is_compared_with_its_exact_answers() {
         };
         runs.iter().find(row).unwrap_or_else(|| panic!("{measure} at {tolerance}"))[measure].parse().unwrap()
     };
-    let measures: Vec<String> = runs[0].keys().filter(|name| name.starts_with("error of re")).cloned().collect();
+    let measures: Vec<String> =
+        runs[0].keys().filter(|name| name.starts_with("error of re")).cloned().collect();
     assert!(!measures.is_empty(), "{:?}", runs[0].keys());
     for measure in &measures {
         let (loose, tight) = (error("1e-3", measure), error("1e-8", measure));
