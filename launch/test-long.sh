@@ -32,3 +32,9 @@ within 120 demhybrid "$configs/settle.toml" --threads 1 -q
 
 echo "== 20 000 particles in a wide box on 2 ranks"
 time mpirun -n 2 demhybrid "$configs/wide.toml" --threads 1 -q
+
+echo "== what accuracy costs: statistics of the bed, paired with the published solver on ten starts"
+demhybrid accuracy "$configs/bed.toml" --studies ensemble --methods auto --tolerances 1e-1,1e-2 --seeds 10 --until 2 \
+    --paper -q
+echo "== and positions at t = 0.6 s"
+demhybrid accuracy "$configs/bed.toml" --studies state --time 0.6 --seeds 5 --force -q

@@ -110,3 +110,37 @@ fn eight_starts_settle_to_random_close_packing_on_average() {
     println!("settle.toml: mean volume fraction {mean:.4}");
     assert_within("mean volume fraction", mean, &(0.64..=0.66));
 }
+
+#[test]
+fn the_bed_of_the_defaults_takes_few_right_hand_sides() {
+    let run = Case::config("bed.toml").run();
+    let rhs = run.outcome.counts.rhs;
+    println!("bed.toml: {rhs} right-hand sides, {}", run.outcome.choice);
+    assert!(rhs <= 60_000, "{rhs}");
+    check_frames(&run);
+}
+
+#[test]
+fn positions_at_0_6_s_cost_no_more_than_was_asked() {
+    // Median over five starts of the largest position error, against a run that is at least ten times as accurate.
+    for (tolerance, error_asked, rhs_asked) in [(0.1, 1e-3, 19_500), (1e-5, 1e-6, 132_000)] {
+        let (mut errors, mut counts) = (Vec::new(), Vec::new());
+        for seed in 1..=5u64 {
+            let case = |method: &str, tolerance: f64| {
+                let case = Case::config("bed.toml").set("t_end", 0.6).set("output.interval", 0.6);
+                case.set("particles.grid.seed", seed)
+                    .set("solver.method", method)
+                    .set("solver.tolerance", tolerance)
+                    .run()
+            };
+            let (run, reference) = (case("auto", tolerance), case("merson", 1e-8));
+            let apart = run.end().x.iter().zip(&reference.end().x).map(|(a, b)| (a - b).norm());
+            errors.push(apart.fold(0.0, f64::max));
+            counts.push(run.outcome.counts.rhs);
+        }
+        errors.sort_by(f64::total_cmp);
+        counts.sort_unstable();
+        println!("auto {tolerance}: {} right-hand sides, error {:.2e} m", counts[2], errors[2]);
+        assert!(errors[2] <= error_asked && counts[2] <= rhs_asked, "{errors:?} {counts:?}");
+    }
+}
