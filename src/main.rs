@@ -15,8 +15,11 @@ const INTERNAL: i32 = 70;
 fn main() {
     let work = CommandLine::try_parse().map(CommandLine::work).unwrap_or_else(|message| {
         // Help and mistakes on the command line need no MPI, and one rank to print them.
-        if launch::speaks_first() {
-            message.exit()
+        match launch::speaks_first() {
+            // One write: mpirun puts words of its own between two.
+            true if message.use_stderr() => launch::say(&message.to_string()),
+            true => message.exit(),
+            false => {}
         }
         std::process::exit(message.exit_code())
     });
