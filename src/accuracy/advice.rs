@@ -41,7 +41,8 @@ pub fn recommendation(question: &Question) -> String {
     let bed = bed_sentence(question);
     let all: Vec<String> = [state.or_else(impact), bed].into_iter().flatten().collect();
     if all.is_empty() {
-        return "No run tells which solver to take: see the failures above.".to_owned();
+        return "No run tells which solver to take: none has an error that is not 0, or all have failed."
+            .to_owned();
     }
     all.join(" ")
 }
@@ -58,6 +59,10 @@ fn sentence(runs: &[Record], measure: &str, target: f64, what: impl Fn(f64) -> S
     let (fixed, controlled): (Vec<_>, Vec<_>) =
         all.iter().partition(|(_, record)| record.solver.step.is_some());
     let sound = if controlled.is_empty() { fixed.clone() } else { controlled };
+    if sound.iter().all(|&(error, _)| error == 0.0) {
+        // Nothing has happened that a solver could get wrong.
+        return None;
+    }
     let smallest = sound.iter().map(|&(error, _)| error).min_by(f64::total_cmp)?;
     // A round number above the smallest error.
     let target = if smallest <= target { target } else { 10f64.powf(smallest.log10().ceil()) };
@@ -109,7 +114,10 @@ fn setting(record: &Record) -> String {
 /// From which tolerance on statistics of the bed stand still.
 fn bed_sentence(question: &Question) -> Option<String> {
     let mut methods: Vec<&str> = Vec::new();
-    for statistic in question.statistics.iter().filter(|s| s.solver.step.is_none() && s.paired.is_some()) {
+    // Of a single initial state there is nothing to say.
+    let compared =
+        |s: &&Statistic| s.solver.step.is_none() && s.paired.is_some_and(|paired| paired.count > 1);
+    for statistic in question.statistics.iter().filter(compared) {
         if !methods.contains(&statistic.solver.method.as_str()) {
             methods.push(&statistic.solver.method);
         }
@@ -205,6 +213,8 @@ mod tests {
         assert!(advice(std::slice::from_ref(&impact), &[]).contains("rebound times right to 1e-3"));
         let failed = Record { failure: Some("no".to_owned()), ..impact };
         assert!(advice(&[failed], &[]).contains("No run tells"));
+        let untouched = record(Study::State, "auto", 1e-3, 19, POSITION_ERROR, 0.0);
+        assert!(advice(&[untouched], &[]).contains("No run tells"));
     }
 
     #[test]

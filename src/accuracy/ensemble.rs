@@ -176,7 +176,7 @@ pub fn still_from(statistics: &[Statistic], method: &str, r: f64) -> Option<f64>
         statistics.iter().filter(of).all(|s| match s.paired {
             Some(paired) => same(&paired, &s.measure, r),
             // The most accurate solver itself, if all of its runs were sound.
-            None => s.interval.count == 1 || s.interval.half_width.is_finite(),
+            None => s.interval.half_width.is_finite(),
         })
     };
     tolerances.into_iter().take_while(still).last()
@@ -192,11 +192,7 @@ fn same(paired: &Interval, measure: &str, r: f64) -> bool {
         _ => (0.05 * r, 0.1 * r),
     };
     let (mean, half) = (paired.mean.abs(), paired.half_width);
-    if half.is_finite() {
-        mean + half <= seen || (mean <= half && half <= blind)
-    } else {
-        paired.count == 1 && mean <= seen
-    }
+    mean + half <= seen || (mean <= half && half <= blind)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::records::Work;
 use crate::domain::{Comm, comm::Parcels};
 use crate::launch;
+use fail::fail_point;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -45,6 +46,7 @@ impl Farm<'_> {
         let own: Vec<&J> = jobs.iter().skip(rank).step_by(size).collect();
         let progress = Progress::new(self, what, jobs.len(), own.len());
         let samples = take_turns(self.threads, &own, |job| {
+            fail_point!("job", |_| Sample::default());
             let sample = timed(|| work(job));
             progress.done();
             sample

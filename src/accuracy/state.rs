@@ -112,7 +112,10 @@ pub fn study(
         starts.len(),
         exact.rhs_evaluations
     )];
-    if records.iter().any(|record| record.measures.get(POSITION_ERROR).is_some_and(|&e| e < 10.0 * own)) {
+    let errors = || records.iter().filter_map(|record| record.measures.get(POSITION_ERROR));
+    if errors().count() > 0 && errors().all(|&error| error == 0.0) {
+        notes.push("state: no error at all, because nothing has touched anything before".to_owned());
+    } else if errors().any(|&error| error < 10.0 * own) {
         notes.push(format!(
             "state: errors below {} m are not resolved by this reference",
             scientific(10.0 * own, 1)

@@ -5,7 +5,7 @@ use super::exact::hard_rebound_time;
 use super::farm::Farm;
 use super::findings::{Findings, measures};
 use super::impact::{REBOUND_TIME, RESTITUTION, Setup};
-use super::records::{Record, Study};
+use super::records::Record;
 use super::solvers::adaptive;
 use super::starts::{Starts, load};
 use crate::cli::AccuracyArgs;
@@ -121,7 +121,7 @@ pub fn study(farm: &Farm, variations: &[Variation], impact: bool, beds: Option<O
         let solver = adaptive("auto", BED_TOLERANCE);
         let with_bed = || variations.iter().filter(|v| no_bed(&v.scene, &v.starts[0].1).is_none());
         let mut records = Vec::new();
-        // One farm call for each end of time; a sweep of t_end is none.
+        // All end at the same time, because t_end is not swept.
         if let Some(first) = with_bed().next() {
             let jobs: Vec<Job> = with_bed()
                 .flat_map(|v| {
@@ -150,10 +150,10 @@ fn impacts(farm: &Farm, variations: &[Variation]) -> Vec<Record> {
     let setups: Vec<Setup> = variations.iter().map(|v| Setup::of(&v.scene, &v.starts[0].1)).collect();
     let samples = farm.run("sweep of impacts", &setups, |setup| setup.simulate(&solver));
     let record = |((v, setup), sample): ((&Variation, &Setup), &_)| {
-        let Record { study, solver, seed, work, measures: found, failure, .. } =
-            setup.record(&solver, sample);
+        let record = setup.record(&solver, sample);
         // More digits would be the solver's, not the model's.
-        let value = |name: &str| found.get(name).map_or(f64::NAN, |value| (value * 1e8).round() / 1e8);
+        let value =
+            |name: &str| record.measures.get(name).map_or(f64::NAN, |value| (value * 1e8).round() / 1e8);
         let e = v.scene.contact.restitution;
         let hard = hard_rebound_time(setup.height, setup.g, e);
         let measures = measures([
@@ -162,8 +162,7 @@ fn impacts(farm: &Farm, variations: &[Variation]) -> Vec<Record> {
             (RESTITUTION, value(RESTITUTION)),
             (BEYOND_E, value(RESTITUTION) - e),
         ]);
-        debug_assert_eq!(study, Study::Impact, "an impact gives a record of its study");
-        Record { study, variation: Some(v.name.clone()), solver, seed, work, measures, failure }
+        Record { variation: Some(v.name.clone()), measures, ..record }
     };
     variations.iter().zip(&setups).zip(&samples).map(record).collect()
 }

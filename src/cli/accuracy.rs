@@ -43,7 +43,7 @@ pub struct AccuracyArgs {
     pub methods: Vec<String>,
 
     /// Tolerances of the methods with error control [default: 1e-1 to 1e-8, of chebyshev to 1e-6, in ensembles to 1e-4]
-    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive)]
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive, allow_negative_numbers = true)]
     pub tolerances: Vec<f64>,
 
     /// Steps of velocity-verlet in s [default: 1e-2, 3e-3, 1e-3, 3e-4 and 1e-4 of T]
@@ -51,19 +51,19 @@ pub struct AccuracyArgs {
     /// T = 1/sqrt(kappa g) is the time in which a sphere at rest on a floor swings by one radian, for the stiffness
     /// exponent kappa and the gravity g; without gravity T = 1/(kappa V), the time of an impact with the scene's
     /// velocity scale V.
-    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive)]
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive, allow_negative_numbers = true)]
     pub steps: Vec<f64>,
 
     /// Initial states of a scene with particles.grid: its seeds 1 to N
-    #[arg(long, value_name = "N", default_value = "5", value_parser = RangedU64ValueParser::<u64>::new().range(1..=1000))]
+    #[arg(long, value_name = "N", default_value = "5", allow_negative_numbers = true, value_parser = RangedU64ValueParser::<u64>::new().range(1..=1000))]
     pub seeds: u64,
 
     /// Time at which states are compared, s [default: the last one before trajectories part]
-    #[arg(long, value_name = "T", value_parser = positive)]
+    #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
     pub time: Option<f64>,
 
     /// End of the runs of the ensemble, s [default: t_end of the scene]
-    #[arg(long, value_name = "T", value_parser = positive)]
+    #[arg(long, value_name = "T", value_parser = positive, allow_negative_numbers = true)]
     pub until: Option<f64>,
 
     /// Error of the model: repeat impact and ensemble for these values of a scene key
