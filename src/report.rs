@@ -10,7 +10,7 @@ use crate::ode::{Chebyshev, DORMAND_PRINCE, Limit, Losses, MERSON, Method, Runge
 use crate::output::size;
 use crate::particle::Locked;
 use crate::scene::{PAPER_NORM, Scene};
-use crate::simulation::{Counts, Frame, Outcome};
+use crate::simulation::{Counts, Frame, Outcome, tightening};
 use crate::start::{self, Start};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
@@ -124,7 +124,18 @@ fn step_control(scene: &Scene) -> String {
     let norm = if solver.norm == PAPER_NORM { "the paper's" } else { "the scaled" };
     match (solver.step, solver.tolerance) {
         (Some(step), _) => format!("fixed step {} s", short(step)),
-        (None, Some(tolerance)) => format!("tolerance {} in {norm} norm", short(tolerance)),
+        (None, Some(tolerance)) => {
+            let tightening = tightening(scene);
+            let in_effect = if tightening < 1.0 {
+                format!(
+                    ", {} in effect as the motion is smooth without friction",
+                    short(tolerance * tightening)
+                )
+            } else {
+                String::new()
+            };
+            format!("tolerance {} in {norm} norm{in_effect}", short(tolerance))
+        }
         (None, None) => format!("the default tolerance in {norm} norm"),
     }
 }
@@ -554,6 +565,8 @@ mod tests {
             solver(&slow, &start),
             "auto, tolerance 1e-7 in the scaled norm (velocities over 1.25e-3 m/s)"
         );
+        let smooth = Scene { friction: None, ..auto };
+        assert!(solver(&smooth, &start).contains("norm, 0.001 in effect as the motion is smooth"));
     }
 
     #[test]

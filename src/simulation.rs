@@ -139,6 +139,8 @@ pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     dynamics: Dynamics<'c, R, T, W>,
     integrator: Integrator<'c, Dynamics<'c, R, T, W>>,
     control: StepControl,
+    /// The scene's own, which `auto` may have tightened.
+    tolerance: f64,
     norm: Norm,
     /// The last accepted state of the owned particles and what belongs to it.
     anchor: Anchor<Motion<W>>,
@@ -209,6 +211,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             comm,
             dynamics,
             integrator: Integrator::new(scene),
+            tolerance: control.tolerance / tightening(scene),
             norm,
             anchor,
             trial: Trial::default(),
@@ -491,7 +494,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         let prevail = accepted > FORCED_GRACE && self.counts.forced * 100 > accepted;
         if forced && (self.forced_in_a_row >= FORCED_IN_A_ROW || prevail) {
             return Err(Error::BelowRoundOff {
-                tolerance: self.control.tolerance,
+                tolerance: self.tolerance,
                 forced: self.counts.forced,
                 accepted,
                 t: self.anchor.t,
