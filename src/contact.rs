@@ -4,7 +4,7 @@
 //! `gap` the distance between the surfaces (negative: overlap) and `v_rel` the velocity of i relative to the partner:
 //! n = (x_i - x_j)/d for a pair, n = -n_k for wall k.
 
-use crate::particle::{Spin, Vec3};
+use crate::particle::{Spin, Vec3, dot, minus, plus, scaled};
 
 /// What a contact does to particle i. Its partner j feels the opposite force and the *same* torque:
 /// both n and F_fr change sign in eq. (2.11).
@@ -115,7 +115,8 @@ impl Tangential for Coulomb {
 
     #[inline(always)]
     fn friction(&self, repulsion: f64, slip: &Vec3) -> Vec3 {
-        slip * (-self.phi * repulsion * self.limiter_over_slip(slip.norm()))
+        let s = dot(slip, slip).sqrt();
+        scaled(-self.phi * repulsion * self.limiter_over_slip(s), slip)
     }
 }
 
@@ -171,14 +172,16 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
     /// `spins` (rad/s) is w_i + w_j, with w_j = 0 for a wall.
     #[inline(always)]
     pub fn action<W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Action<W> {
-        let opening = n.dot(v_rel);
+        let opening = dot(n, v_rel);
         let repulsion = self.repulsion(gap);
-        let mut action = Action { force: n * (repulsion * self.rebound.share(-opening)), torque: W::zero() };
+        let mut action =
+            Action { force: scaled(repulsion * self.rebound.share(-opening), n), torque: W::zero() };
         if T::RUBS {
             // Eqs. (2.7) and (2.10).
-            let slip = v_rel - n * opening - spins.surface_velocity(self.r, n);
+            let tangent = minus(v_rel, &scaled(opening, n));
+            let slip = minus(&tangent, &spins.surface_velocity(self.r, n));
             let friction = self.tangential.friction(repulsion, &slip);
-            action.force += friction;
+            action.force = plus(&action.force, &friction);
             action.torque = W::torque(self.r, n, &friction);
         }
         action
@@ -196,7 +199,8 @@ pub fn exp(x: f64) -> f64 {
     // Adding and subtracting 1.5 * 2^52 rounds to the nearest integer.
     const ROUND: f64 = 6755399441055744.0;
     let clamped = x.clamp(-708.0, 709.0);
-    let k = (clamped * LOG2_E + ROUND) - ROUND;
+    let shifted = clamped * LOG2_E + ROUND;
+    let k = shifted - ROUND;
     let s = (clamped - k * LN2_HIGH) - k * LN2_LOW;
     // Taylor to degree 13 on |s| <= ln(2)/2: the remainder is 4e-18. Even and odd halves shorten the chain.
     let s2 = s * s;
@@ -210,8 +214,9 @@ pub fn exp(x: f64) -> f64 {
     let p12 = 1.0 / 479001600.0 + s * (1.0 / 6227020800.0);
     let tail = (p2 + s2 * p4) + s4 * (p6 + s2 * p8) + s8 * (p10 + s2 * p12);
     let p = 1.0 + (s + s2 * tail);
-    // 2^k by its exponent bits: k + 1023 is within 2..=2046 after clamping.
-    let power = f64::from_bits(((k as i64 + 1023) << 52) as u64);
+    // 2^k by its exponent bits: k + 1023 is within 2..=2046 after clamping, and k is in the lowest bits of `shifted`;
+    // a conversion to an integer would not be a vector instruction everywhere.
+    let power = f64::from_bits((shifted.to_bits().wrapping_add(1023)) << 52);
     let y = p * power;
     if x < -708.0 {
         0.0

@@ -7,6 +7,7 @@ use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::error::Error;
 use crate::forces::{Broken, Forces, Setting};
+use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
 use crate::particle::{Motion, Spin, Vec3};
 use fail::fail_point;
@@ -52,7 +53,7 @@ pub struct Dynamics<'c, R, T, W> {
     census: Census,
     slabs: Slabs,
     halo: Halo,
-    /// Ids of the owned particles, ascending, then of the ghosts.
+    /// Ids of the owned particles, in the order of sums, then of the ghosts.
     ids: Vec<u64>,
     /// Where the owned particles were when the lists were built, m.
     origin: Vec<Vec3>,
@@ -125,7 +126,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         TRAVEL * self.forces.law.r
     }
 
-    /// Ids of the owned particles, ascending.
+    /// Ids of the owned particles, in the order in which the states of the anchor are.
     pub fn ids(&self) -> &[u64] {
         &self.ids[..self.forces.owned]
     }
@@ -147,7 +148,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
 
     /// Pairs on the lists of this rank.
     pub fn listed_pairs(&self) -> usize {
-        self.forces.lists.pairs.len()
+        self.forces.lists.pairs()
     }
 
     /// Pairs within `l_max` that were evaluated so far, each counted once over all ranks. Collective.
@@ -237,14 +238,23 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.slabs.follow(self.comm, y.iter().map(|body| body.x.z), &counts);
         migration::migrate(self.comm, &self.slabs, &mut self.ids, y, companions);
         self.census.check(self.comm, &self.ids, t)?;
-        let own = Extent::of(y.iter().map(|body| body.x.z));
-        let extents = self.gather([own.low, own.high]).into_iter().map(|[low, high]| Extent { low, high });
         let reach = self.reach();
-        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, &extents.collect::<Vec<_>>(), reach);
+        let own = [0, 1, 2].map(|axis| Extent::of(y.iter().map(|body| body.x[axis])));
+        let [a, b, c] = own;
+        let extents = self.gather([a.low, a.high, b.low, b.high, c.low, c.high]).into_iter();
+        let extents: Vec<[Extent; 3]> =
+            extents.map(|ends| [0, 2, 4].map(|k| Extent { low: ends[k], high: ends[k + 1] })).collect();
+        let size = |axis: usize| Extent::around(extents.iter().map(|axes| axes[axis])).length();
+        let order = Order::new([0, 1, 2].map(size), reach);
+        migration::sort(|x, id| order.key(x, id), &mut self.ids, y, companions);
+        let heights: Vec<_> = extents.iter().map(|axes| axes[2]).collect();
+        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, &heights, reach);
         self.ids.extend(ghost_ids);
         self.forces.seat(y, self.halo.ghosts());
         self.halo.refresh(self.comm, y, self.forces.ghosts());
-        self.forces.list(&self.ids, reach, reach - self.forces.law.r);
+        let keys = self.forces.bodies.iter().zip(&self.ids).map(|(body, &id)| order.key(&body.x, id));
+        let keys: Vec<_> = keys.collect();
+        self.forces.list(&keys, reach, reach - self.forces.law.r);
         self.origin.clear();
         self.origin.extend(y.iter().map(|body| body.x));
         let mut speed = [fastest(y)];
@@ -271,7 +281,6 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// Why the right-hand side at `y` is not finite, if so: the contact with the lowest ids. Collective.
     pub fn explain(&mut self, y: &[Motion<W>], t: f64) -> Option<Error> {
         self.place(y);
-        self.forces.evaluate_pairs();
         let ids = |i: usize| self.ids[i] as f64;
         let sort = |broken: Broken| match broken {
             Broken::Pair(i, j, d) => [0.0, ids(i), ids(j), d],
@@ -296,8 +305,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     pub fn worst(&self, badness: impl Fn(usize) -> f64) -> u64 {
         let mut own = [f64::NEG_INFINITY, f64::INFINITY];
         for (i, &id) in self.ids().iter().enumerate() {
-            let found = larger(own[0], badness(i));
-            if found > own[0] {
+            let found = larger(0.0, badness(i));
+            if found > own[0] || found == own[0] && (id as f64) < own[1] {
                 own = [found, id as f64];
             }
         }
@@ -322,7 +331,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     pub fn potential_energy(&mut self, y: &[Motion<W>]) -> (f64, f64) {
         self.place(y);
         let forces = &self.forces;
-        let energy = exact::exact_sum(self.comm, (0..y.len()).map(|i| forces.potential_energy(i)));
+        let energy = exact::exact_sum(self.comm, forces.potential_energies());
         let mut overlap = [forces.largest_overlap()];
         self.comm.max(&mut overlap);
         (energy, overlap[0])
@@ -331,8 +340,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.
     /// Collective.
     fn dissipation(&self) -> Losses {
-        let forces = &self.forces;
-        let own: Vec<Losses> = (0..forces.owned).map(|i| forces.dissipation(i)).collect();
+        let own: Vec<Losses> = self.forces.dissipations().collect();
         [0, 1].map(|k| exact::exact_sum(self.comm, own.iter().map(|losses| losses[k])))
     }
 
@@ -367,8 +375,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         let refreshed = Instant::now();
         let moved = self.forces.place(y, &self.origin, &self.start);
         self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
-        self.pair_evaluations += self.forces.evaluate_pairs();
-        self.forces.accelerate(dydt);
+        self.pair_evaluations += self.forces.evaluate(dydt);
         if self.audits {
             self.losses = self.dissipation();
         }

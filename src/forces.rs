@@ -4,11 +4,19 @@
 
 use crate::contact::{Action, Law, Rebound, Tangential};
 use crate::container::Wall;
-use crate::neighbors::Lists;
-use crate::ode::{Linear, Losses, add_losses, larger};
+use crate::kernel::{Batch, InstructionSet, Sweep};
+use crate::neighbors::{Block, Key, Lists};
+use crate::ode::{Linear, Losses, larger};
 use crate::parallel::{self, GRAIN};
 use crate::particle::{Motion, Spin, Vec3};
 use fail::fail_point;
+use rayon::prelude::*;
+
+/// How far beyond the cut-off near pairs are picked, as a share of the radius.
+const INNER_SKIN: f64 = 0.1;
+
+/// Particles below which a block of its own is not worth a thread.
+const BLOCK: usize = 512;
 
 /// What the equations of motion need besides the contact law.
 #[derive(Debug, Clone)]
@@ -44,14 +52,29 @@ pub struct Forces<R, T, W> {
     pub owned: usize,
     /// State of the owned particles and the ghosts in the evaluation at hand.
     pub bodies: Vec<Motion<W>>,
-    /// What every listed pair does to its lower id.
-    actions: Vec<Action<W>>,
+    /// Where the bodies were when the near pairs were picked, m.
+    picked: Vec<Vec3>,
+    /// Largest squared distance of an owned body from there, m^2.
+    strayed: f64,
+    /// One for every block.
+    batches: Vec<Batch>,
+    set: InstructionSet,
 }
 
 impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// No particles yet.
     pub fn new(law: Law<R, T>, setting: Setting) -> Self {
-        Forces { law, setting, lists: Lists::default(), owned: 0, bodies: Vec::new(), actions: Vec::new() }
+        Forces {
+            law,
+            setting,
+            lists: Lists::default(),
+            owned: 0,
+            bodies: Vec::new(),
+            picked: Vec::new(),
+            strayed: 0.0,
+            batches: Vec::new(),
+            set: InstructionSet::chosen(),
+        }
     }
 
     /// Takes the owned particles `y` and makes room for `ghosts` behind them.
@@ -62,13 +85,29 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         self.bodies.resize(y.len() + ghosts, Motion::zero());
     }
 
-    /// Lists pairs within `reach` (m) and walls within `wall_reach` (m) of the centres of the bodies in place; `ids`
-    /// are theirs.
-    pub fn list(&mut self, ids: &[u64], reach: f64, wall_reach: f64) {
+    /// Lists pairs within `reach` (m) and walls within `wall_reach` (m) of the centres of the bodies in place; `keys`
+    /// are theirs, those of the owned ones ascending.
+    pub fn list(&mut self, keys: &[Key], reach: f64, wall_reach: f64) {
         let x: Vec<Vec3> = self.bodies.iter().map(|body| body.x).collect();
-        self.lists.rebuild(&x, ids, self.owned, reach, &self.setting.walls, wall_reach);
-        self.actions.clear();
-        self.actions.resize(self.lists.pairs.len(), Action::none());
+        let walls = (&self.setting.walls[..], wall_reach);
+        let blocks = parallel::blocks(self.owned, BLOCK);
+        self.lists.rebuild(&x, keys, self.owned, reach, walls, blocks);
+        self.batches.resize_with(blocks, Batch::default);
+        self.pick_near();
+    }
+
+    /// Distance of centres (m) within which pairs are evaluated until a body has moved by half of its excess over the
+    /// cut-off.
+    fn near_reach(&self) -> f64 {
+        2.0 * self.law.r + self.law.l_max + INNER_SKIN * self.law.r
+    }
+
+    fn pick_near(&mut self) {
+        let (reach, bodies) = (self.near_reach(), &self.bodies);
+        self.picked.clear();
+        self.picked.extend(bodies.iter().map(|body| body.x));
+        parallel::each(&mut self.lists.blocks, |block| block.pick_near(bodies, reach));
+        self.strayed = 0.0;
     }
 
     /// The ghosts, behind the owned bodies.
@@ -78,158 +117,140 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Moves the owned bodies to `y` and returns the largest squared distances (m^2) from `origin` and `start`.
     pub fn place(&mut self, y: &[Motion<W>], origin: &[Vec3], start: &[Vec3]) -> [f64; 2] {
+        let picked = &self.picked;
         let place = |first: usize, chunk: &mut [Motion<W>]| {
-            let mut moved = [0.0; 2];
+            let mut moved = [0.0; 3];
             for (k, body) in chunk.iter_mut().enumerate() {
                 let i = first + k;
                 *body = y[i];
-                moved[0] = larger(moved[0], (body.x - origin[i]).norm_squared());
-                moved[1] = larger(moved[1], (body.x - start[i]).norm_squared());
+                for (moved, from) in moved.iter_mut().zip([&origin[i], &start[i], &picked[i]]) {
+                    *moved = larger(*moved, (body.x - from).norm_squared());
+                }
             }
             moved
         };
-        let both = |a: [f64; 2], b: [f64; 2]| [larger(a[0], b[0]), larger(a[1], b[1])];
-        parallel::chunks(&mut self.bodies[..self.owned], 4 * GRAIN, place, [0.0; 2], both)
+        let all = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| larger(a[k], b[k]));
+        let moved = parallel::chunks(&mut self.bodies[..self.owned], 4 * GRAIN, place, [0.0; 3], all);
+        self.strayed = moved[2];
+        [moved[0], moved[1]]
     }
 
-    /// Evaluates every listed pair, lower id first. Returns how many are within `l_max` and have their lower id here:
-    /// over all ranks every pair is counted once.
-    pub fn evaluate_pairs(&mut self) -> u64 {
-        let (law, bodies, pairs, owned) = (&self.law, &self.bodies, &self.lists.pairs, self.owned);
-        let cutoff = 2.0 * law.r + law.l_max;
-        let evaluate = |first: usize, chunk: &mut [Action<W>]| {
+    /// Eqs. (2.13)-(2.15) for every owned body in place. Returns how many pairs are within `l_max` and have the earlier
+    /// of their particles here: over all ranks every pair is counted once.
+    pub fn evaluate(&mut self, dydt: &mut [Motion<W>]) -> u64 {
+        let ghosts = self.bodies.iter().zip(&self.picked).skip(self.owned);
+        let strayed = ghosts.map(|(body, from)| (body.x - from).norm_squared()).fold(self.strayed, larger);
+        if !(strayed <= (0.5 * INNER_SKIN * self.law.r).powi(2)) {
+            self.pick_near();
+        }
+        let (law, setting, bodies, set) = (&self.law, &self.setting, &self.bodies[..], self.set);
+        let blocks = &self.lists.blocks;
+        let evaluate = |block: &Block, batch: &mut Batch, slopes: &mut [Motion<W>]| {
             fail_point!("worker");
-            let mut count = 0;
-            for (action, &[i, j]) in chunk.iter_mut().zip(&pairs[first..]) {
-                let (i, j) = (i as usize, j as usize);
-                let (a, b) = (&bodies[i], &bodies[j]);
-                let apart = a.x - b.x;
-                let d2 = apart.norm_squared();
-                *action = if d2 > cutoff * cutoff {
-                    Action::none()
-                } else {
-                    count += u64::from(i < owned);
-                    let d = d2.sqrt();
-                    law.action(d - 2.0 * law.r, &(apart / d), &(a.v - b.v), &a.omega.plus(&b.omega))
-                };
-            }
-            count
+            Sweep { law, setting, bodies, block, batch: &mut *batch, slopes: &mut *slopes }.walls(set);
+            Sweep { law, setting, bodies, block, batch, slopes }.pairs(set)
         };
-        parallel::chunks(&mut self.actions, GRAIN, evaluate, 0, |a, b| a + b)
-    }
-
-    /// Eqs. (2.13)-(2.15) for every owned body in place, after `evaluate_pairs`.
-    pub fn accelerate(&self, dydt: &mut [Motion<W>]) {
-        let inverse_mass = 1.0 / self.setting.mass;
-        parallel::for_chunks(dydt, GRAIN, |first, chunk| {
-            for (k, slope) in chunk.iter_mut().enumerate() {
-                let i = first + k;
-                let total = self.total_action(i);
-                slope.x = self.bodies[i].v;
-                slope.v = total.force * inverse_mass + self.setting.gravity;
-                slope.omega = total.torque.scaled(self.setting.inverse_inertia);
-            }
-        });
-    }
-
-    /// Force (N) and torque (N m) on owned particle `i` by its pairs and walls.
-    #[inline(always)]
-    fn total_action(&self, i: usize) -> Action<W> {
-        let mut total: Action<W> = Action::none();
-        for entry in self.lists.entries(i) {
-            let action = &self.actions[entry.pair()];
-            if entry.is_higher() {
-                total.force -= action.force;
-            } else {
-                total.force += action.force;
-            }
-            total.torque = total.torque.plus(&action.torque);
+        if let ([block], [batch]) = (&blocks[..], &mut self.batches[..]) {
+            return evaluate(block, batch, dydt);
         }
-        let body = &self.bodies[i];
-        for &k in self.lists.walls(i) {
-            if let Some(action) = self.wall_action(&self.setting.walls[k as usize], body) {
-                total.force += action.force;
-                total.torque = total.torque.plus(&action.torque);
-            }
+        let mut rest = dydt;
+        let mut parts = Vec::with_capacity(blocks.len());
+        for (block, batch) in blocks.iter().zip(&mut self.batches) {
+            let (slopes, tail) = rest.split_at_mut(block.range.len());
+            rest = tail;
+            parts.push((block, batch, slopes));
         }
-        total
+        parts.into_par_iter().map(|(block, batch, slopes)| evaluate(block, batch, slopes)).sum()
     }
 
     /// A wall is a motionless partner with n = -n_k.
-    #[inline(always)]
     fn wall_action(&self, wall: &Wall, body: &Motion<W>) -> Option<Action<W>> {
         let gap = wall.depth(&body.x) - self.law.r;
         (gap <= self.law.l_max).then(|| self.law.action(gap, &-wall.normal, &body.v, &body.omega))
     }
 
-    /// Gap of a listed pair, m; negative: overlap.
-    fn pair_gap(&self, pair: [u32; 2]) -> f64 {
-        let [i, j] = pair.map(|k| self.bodies[k as usize].x);
-        (i - j).norm() - 2.0 * self.law.r
+    /// What a pair in place does to its first particle.
+    fn pair_action(&self, [i, j]: [usize; 2]) -> Action<W> {
+        let (a, b) = (&self.bodies[i], &self.bodies[j]);
+        let apart = a.x - b.x;
+        let d = apart.norm();
+        let gap = d - 2.0 * self.law.r;
+        if gap > self.law.l_max {
+            return Action::none();
+        }
+        self.law.action(gap, &(apart / d), &(a.v - b.v), &a.omega.plus(&b.omega))
+    }
+
+    /// Gap of a pair, m; negative: overlap.
+    fn pair_gap(&self, [i, j]: [usize; 2]) -> f64 {
+        (self.bodies[i].x - self.bodies[j].x).norm() - 2.0 * self.law.r
     }
 
     /// Gap of owned particle `i` and wall `k`, m.
-    fn wall_gap(&self, i: usize, k: u32) -> f64 {
-        self.setting.walls[k as usize].depth(&self.bodies[i].x) - self.law.r
+    fn wall_gap(&self, [i, k]: [usize; 2]) -> f64 {
+        self.setting.walls[k].depth(&self.bodies[i].x) - self.law.r
     }
 
-    /// Energy of owned particle `i`: half of what its pairs store, all that its walls store, and its height, J.
-    pub fn potential_energy(&self, i: usize) -> f64 {
-        let pair = |pair: usize| 0.5 * self.law.stored_energy(self.pair_gap(self.lists.pairs[pair]));
-        let pairs: f64 = self.lists.entries(i).iter().map(|entry| pair(entry.pair())).sum();
-        let walls: f64 =
-            self.lists.walls(i).iter().map(|&k| self.law.stored_energy(self.wall_gap(i, k))).sum();
-        pairs + walls - self.setting.mass * self.setting.gravity.dot(&self.bodies[i].x)
+    /// Listed pairs, each with its earlier particle on this rank, so that over all ranks every pair comes once.
+    fn pairs(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
+        self.lists.blocks.iter().flat_map(Block::first_pairs)
     }
 
-    /// Power that the contacts of owned particle `i` dissipate by rebound and by friction, W: half of what its pairs do,
-    /// all of what its walls do.
-    pub fn dissipation(&self, i: usize) -> Losses {
-        let mut sum = [0.0; 2];
-        for entry in self.lists.entries(i) {
-            let [a, b] = self.lists.pairs[entry.pair()].map(|k| &self.bodies[k as usize]);
+    /// Owned particle and wall of every listed wall contact.
+    fn wall_contacts(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
+        self.lists.blocks.iter().flat_map(Block::wall_contacts)
+    }
+
+    /// Terms of the potential energy, J: what contacts store, each once over all ranks, and heights.
+    pub fn potential_energies(&self) -> impl Iterator<Item = f64> + Clone {
+        let pairs = self.pairs().map(|pair| self.law.stored_energy(self.pair_gap(pair)));
+        let walls = self.wall_contacts().map(|contact| self.law.stored_energy(self.wall_gap(contact)));
+        let heights = self.bodies[..self.owned]
+            .iter()
+            .map(|body| -self.setting.mass * self.setting.gravity.dot(&body.x));
+        pairs.chain(walls).chain(heights)
+    }
+
+    /// Power that every contact dissipates by rebound and by friction, W; each once over all ranks.
+    pub fn dissipations(&self) -> impl Iterator<Item = Losses> + Clone {
+        let pairs = self.pairs().map(|[i, j]| {
+            let (a, b) = (&self.bodies[i], &self.bodies[j]);
             let apart = a.x - b.x;
             let d = apart.norm();
             let (gap, n) = (d - 2.0 * self.law.r, apart / d);
-            let losses = self.law.dissipation(gap, &n, &(a.v - b.v), &a.omega.plus(&b.omega));
-            add_losses(&mut sum, 0.5, &losses);
-        }
-        let body = &self.bodies[i];
-        for &k in self.lists.walls(i) {
-            let n = -self.setting.walls[k as usize].normal;
-            add_losses(&mut sum, 1.0, &self.law.dissipation(self.wall_gap(i, k), &n, &body.v, &body.omega));
-        }
-        sum
+            self.law.dissipation(gap, &n, &(a.v - b.v), &a.omega.plus(&b.omega))
+        });
+        let walls = self.wall_contacts().map(|[i, k]| {
+            let (body, n) = (&self.bodies[i], -self.setting.walls[k].normal);
+            self.law.dissipation(self.wall_gap([i, k]), &n, &body.v, &body.omega)
+        });
+        pairs.chain(walls)
     }
 
     /// Largest overlap of the bodies in place with each other and with walls, m; 0 without any.
     pub fn largest_overlap(&self) -> f64 {
-        let pairs = self.lists.pairs.iter().map(|&pair| self.pair_gap(pair));
-        let walls =
-            (0..self.owned).flat_map(|i| self.lists.walls(i).iter().map(move |&k| self.wall_gap(i, k)));
+        let pairs = self.pairs().map(|pair| self.pair_gap(pair));
+        let walls = self.wall_contacts().map(|contact| self.wall_gap(contact));
         pairs.chain(walls).fold(0.0, |overlap, gap| f64::max(overlap, -gap))
     }
 
-    /// The contacts whose force is not finite, after `evaluate_pairs`.
+    /// The contacts of the bodies in place whose force is not finite.
     pub fn broken(&self) -> impl Iterator<Item = Broken> {
         let finite = |action: &Action<W>| (action.force.norm_squared() + action.torque.max_abs()).is_finite();
-        let pairs = self.actions.iter().zip(&self.lists.pairs).filter(move |(action, _)| !finite(action));
-        let pairs = pairs.map(|(_, &[i, j])| {
-            let d = self.pair_gap([i, j]) + 2.0 * self.law.r;
-            Broken::Pair(i as usize, j as usize, d)
-        });
-        let walls = (0..self.owned).flat_map(|i| self.lists.walls(i).iter().map(move |&k| (i, k)));
-        let walls = walls.filter(move |&(i, k)| {
-            let action = self.wall_action(&self.setting.walls[k as usize], &self.bodies[i]);
+        let pairs = self.pairs().filter(move |&pair| !finite(&self.pair_action(pair)));
+        let pairs = pairs.map(|[i, j]| Broken::Pair(i, j, self.pair_gap([i, j]) + 2.0 * self.law.r));
+        let walls = self.wall_contacts().filter(move |&[i, k]| {
+            let action = self.wall_action(&self.setting.walls[k], &self.bodies[i]);
             action.is_some_and(|action| !finite(&action))
         });
-        pairs.chain(walls.map(|(i, k)| Broken::Wall(i, k as usize, -self.wall_gap(i, k))))
+        pairs.chain(walls.map(|[i, k]| Broken::Wall(i, k, -self.wall_gap([i, k]))))
     }
 
     /// Memory held, bytes.
     pub fn bytes(&self) -> usize {
         self.lists.bytes()
             + self.bodies.capacity() * size_of::<Motion<W>>()
-            + self.actions.capacity() * size_of::<Action<W>>()
+            + self.picked.capacity() * size_of::<Vec3>()
+            + self.batches.capacity() * size_of::<Batch>()
     }
 }

@@ -35,6 +35,7 @@ pub mod dynamics;
 pub mod effects;
 pub mod error;
 pub mod forces;
+pub mod kernel;
 pub mod launch;
 pub mod neighbors;
 pub mod ode;

@@ -1,8 +1,9 @@
 //! Who may touch whom: a cell grid finds pairs within reach, lists remember them until a particle outruns the skin.
 
 use crate::container::Wall;
-use crate::particle::Vec3;
+use crate::particle::{Motion, Vec3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Particles sorted into cells as wide as the reach. The table wraps around, so that its size follows the number of
 /// particles and not the distance between the furthest two.
@@ -48,9 +49,8 @@ impl Cells {
         cells
     }
 
-    /// Casts saturate: a particle beyond 1e18 cells shares the last one.
     fn coordinates(&self, x: &Vec3) -> [i64; 3] {
-        [0, 1, 2].map(|axis| ((x[axis] / self.width).floor() as i64).clamp(-(1 << 60), 1 << 60))
+        [0, 1, 2].map(|axis| coordinate(x[axis], self.width))
     }
 
     fn bucket(&self, c: [i64; 3]) -> usize {
@@ -80,158 +80,182 @@ impl Cells {
     }
 }
 
-/// One contact of an owned particle: a pair, and whether the particle is its lower or higher id.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Entry(u32);
+/// The cell that `x` (m) is in. Casts saturate: a particle beyond 1e18 cells shares the last one.
+fn coordinate(x: f64, width: f64) -> i64 {
+    ((x / width).floor() as i64).clamp(-(1 << 60), 1 << 60)
+}
 
-impl Entry {
-    fn new(pair: usize, higher: bool) -> Self {
-        Entry((pair as u32) << 1 | u32::from(higher))
+/// Where a particle stands in the order in which forces are summed: by the cell that it was in when the lists were
+/// built, then by id. All ranks agree on it, so sums have the same bits everywhere; and what is close in space is close
+/// in memory.
+pub type Key = ([i64; 3], u64);
+
+/// The order of sums: cells as wide as the reach, slowest along the axis along which most of them lie.
+#[derive(Debug, Clone, Copy)]
+pub struct Order {
+    width: f64,
+    axes: [usize; 3],
+}
+
+impl Order {
+    /// For a cloud of the given `sizes` (m) and lists of the given `reach` (m); both the same on all ranks.
+    pub fn new(sizes: [f64; 3], reach: f64) -> Self {
+        let mut axes = [0, 1, 2];
+        // Stable: equal sizes keep x before y before z.
+        axes.sort_by(|&a, &b| sizes[b].total_cmp(&sizes[a]));
+        Order { width: reach, axes }
     }
-    /// Index into `Lists::pairs`.
-    #[inline(always)]
-    pub fn pair(self) -> usize {
-        (self.0 >> 1) as usize
+
+    /// Where particle `id` at `x` (m) stands.
+    pub fn key(&self, x: &Vec3, id: u64) -> Key {
+        (self.axes.map(|axis| coordinate(x[axis], self.width)), id)
     }
-    /// The particle has the higher id: the pair's force acts on it with the opposite sign.
-    #[inline(always)]
-    pub fn is_higher(self) -> bool {
-        self.0 & 1 == 1
+}
+
+/// Contacts of a range of owned particles, as one thread evaluates them. A pair across ranges, like one across ranks, is
+/// listed in both.
+#[derive(Debug, Default)]
+pub struct Block {
+    /// The owned particles.
+    pub range: Range<usize>,
+    /// Local indices of pairs with a particle in `range`, each the earlier one in the order of sums first, in that
+    /// order.
+    pub pairs: Vec<[u32; 2]>,
+    /// The pairs that may be within the cut-off before a particle has moved by half the inner skin.
+    pub near: Vec<[u32; 2]>,
+    /// Particle and wall, by both.
+    pub walls: Vec<[u32; 2]>,
+}
+
+impl Block {
+    /// The pairs whose first particle is in the block: over all blocks of all ranks every pair once.
+    pub fn first_pairs(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
+        let pairs = self.pairs.iter().map(|pair| pair.map(|i| i as usize));
+        pairs.filter(|[i, _]| self.range.contains(i))
+    }
+
+    /// Particle and wall, of every wall contact.
+    pub fn wall_contacts(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
+        self.walls.iter().map(|contact| contact.map(|i| i as usize))
+    }
+
+    /// Picks the pairs within `reach` (m) for `near`.
+    pub fn pick_near<W>(&mut self, bodies: &[Motion<W>], reach: f64) {
+        // Without a branch: written always, kept by moving on.
+        self.near.resize(self.pairs.len(), [0; 2]);
+        let mut kept = 0;
+        for &pair in &self.pairs {
+            let apart = bodies[pair[0] as usize].x - bodies[pair[1] as usize].x;
+            self.near[kept] = pair;
+            // Not a number is near: it must show.
+            kept += usize::from(!(apart.norm_squared() > reach * reach));
+        }
+        self.near.truncate(kept);
+    }
+
+    fn bytes(&self) -> usize {
+        (self.pairs.capacity() + self.near.capacity() + self.walls.capacity()) * 8
     }
 }
 
 /// Pairs and walls that the owned particles of a rank may touch before a particle has moved by half the skin.
-/// Every pair is listed once, also where only one of its particles is owned.
 #[derive(Debug, Default)]
 pub struct Lists {
-    /// Local indices of the two particles, the lower id first. Owned particles come before ghosts.
-    pub pairs: Vec<[u32; 2]>,
-    /// Contacts of owned particle i: `entries[entry_start[i]..entry_start[i + 1]]`, by the id of the partner.
-    entries: Vec<Entry>,
-    entry_start: Vec<u32>,
-    /// Walls near owned particle i, in the order of the scene.
-    walls: Vec<u32>,
-    wall_start: Vec<u32>,
+    /// Consecutive ranges of the owned particles.
+    pub blocks: Vec<Block>,
 }
 
 impl Lists {
     /// Lists every pair with an owned particle whose centres are within `reach` (m), and every wall within
-    /// `wall_reach` (m) of an owned centre. `x` and `ids` hold the owned particles first, then the ghosts.
+    /// `wall_reach` (m) of an owned centre, in as many blocks as asked for. `x` and `keys` hold the owned particles
+    /// first, by ascending key, then the ghosts.
     pub fn rebuild(
         &mut self,
         x: &[Vec3],
-        ids: &[u64],
+        keys: &[Key],
         owned: usize,
         reach: f64,
-        walls: &[Wall],
-        wall_reach: f64,
+        walls: (&[Wall], f64),
+        blocks: usize,
     ) {
+        debug_assert!(keys[..owned].is_sorted(), "the owned particles are in the order of sums");
+        assert!(x.len() < 1 << 32, "a rank knows fewer than 2^32 particles: more ranks share the work");
         let cells = Cells::new(x, reach);
-        let near = |range: std::ops::Range<usize>| {
-            let mut pairs = Vec::new();
-            for i in range {
-                let first = pairs.len();
-                cells.for_each_near(&x[i], |j| {
-                    // Both owned: found from both sides, kept from one.
-                    if j as usize > i && (x[i] - x[j as usize]).norm_squared() <= reach * reach {
-                        pairs.push([i as u32, j]);
-                    }
-                });
-                pairs[first..].sort_unstable_by_key(|pair| ids[pair[1] as usize]);
-            }
-            pairs
-        };
-        self.pairs.clear();
-        let threads = rayon::current_num_threads();
-        if threads == 1 || owned < 2 * crate::parallel::GRAIN {
-            self.pairs.extend(near(0..owned));
-        } else {
-            let size = owned.div_ceil(4 * threads);
-            let parts: Vec<Vec<[u32; 2]>> = (0..owned.div_ceil(size))
-                .into_par_iter()
-                .map(|k| near(k * size..((k + 1) * size).min(owned)))
-                .collect();
-            parts.iter().for_each(|part| self.pairs.extend_from_slice(part));
+        let mut order: Vec<u32> = (0..x.len() as u32).collect();
+        order.sort_unstable_by_key(|&i| keys[i as usize]);
+        let mut place = vec![0; x.len()];
+        for (k, &i) in order.iter().enumerate() {
+            place[i as usize] = k as u32;
         }
-        for pair in &mut self.pairs {
-            if ids[pair[0] as usize] > ids[pair[1] as usize] {
-                pair.swap(0, 1);
-            }
-        }
-        assert!(self.pairs.len() < 1 << 31, "a rank lists fewer than 2^31 pairs: more ranks share the work");
-        self.list_entries(ids, owned);
-        self.list_walls(x, owned, walls, wall_reach);
+        self.blocks.resize_with(blocks, Block::default);
+        let bound = |b: usize| owned * b / blocks;
+        self.blocks.par_iter_mut().enumerate().for_each(|(b, block)| {
+            block.range = bound(b)..bound(b + 1);
+            block.list_pairs(x, &cells, [&place, &order], reach);
+            block.list_walls(x, walls);
+        });
     }
 
-    fn list_entries(&mut self, ids: &[u64], owned: usize) {
-        self.entry_start.clear();
-        self.entry_start.resize(owned + 1, 0);
-        let ends =
-            |pair: &[u32; 2]| [(pair[0] as usize, pair[1] as usize), (pair[1] as usize, pair[0] as usize)];
-        for pair in &self.pairs {
-            for (i, _) in ends(pair) {
-                if i < owned {
-                    self.entry_start[i + 1] += 1;
-                }
-            }
-        }
-        for i in 0..owned {
-            self.entry_start[i + 1] += self.entry_start[i];
-        }
-        let mut fill = self.entry_start.clone();
-        self.entries.clear();
-        self.entries.resize(self.entry_start[owned] as usize, Entry(0));
-        for (p, pair) in self.pairs.iter().enumerate() {
-            for (side, (i, _)) in ends(pair).into_iter().enumerate() {
-                if i < owned {
-                    self.entries[fill[i] as usize] = Entry::new(p, side == 1);
-                    fill[i] += 1;
-                }
-            }
-        }
-        let pairs = &self.pairs;
-        let partner = |entry: &Entry| ids[pairs[entry.pair()][usize::from(!entry.is_higher())] as usize];
-        for i in 0..owned {
-            let range = self.entry_start[i] as usize..self.entry_start[i + 1] as usize;
-            self.entries[range].sort_unstable_by_key(partner);
-        }
-    }
-
-    fn list_walls(&mut self, x: &[Vec3], owned: usize, walls: &[Wall], wall_reach: f64) {
-        self.walls.clear();
-        self.wall_start.clear();
-        self.wall_start.push(0);
-        for x in &x[..owned] {
-            let near = walls.iter().enumerate().filter(|(_, wall)| wall.depth(x) <= wall_reach);
-            self.walls.extend(near.map(|(k, _)| k as u32));
-            self.wall_start.push(self.walls.len() as u32);
-        }
-    }
-
-    /// Contacts of owned particle `i` in the order of their partners' ids: sums over them have the same bits on
-    /// every rank.
-    #[inline(always)]
-    pub fn entries(&self, i: usize) -> &[Entry] {
-        &self.entries[self.entry_start[i] as usize..self.entry_start[i + 1] as usize]
-    }
-
-    /// Indices of the walls near owned particle `i`, ascending.
-    #[inline(always)]
-    pub fn walls(&self, i: usize) -> &[u32] {
-        &self.walls[self.wall_start[i] as usize..self.wall_start[i + 1] as usize]
+    /// Pairs on the lists, each counted once over all ranks.
+    pub fn pairs(&self) -> usize {
+        self.blocks.iter().map(|block| block.first_pairs().count()).sum()
     }
 
     /// Memory held, bytes.
     pub fn bytes(&self) -> usize {
-        self.pairs.capacity() * 8
-            + (self.entries.capacity() + self.entry_start.capacity()) * 4
-            + (self.walls.capacity() + self.wall_start.capacity()) * 4
+        self.blocks.iter().map(Block::bytes).sum()
+    }
+}
+
+impl Block {
+    /// `place` is where particles stand in the order of sums, `order` who stands there.
+    fn list_pairs(&mut self, x: &[Vec3], cells: &Cells, [place, order]: [&[u32]; 2], reach: f64) {
+        let (mut own, mut foreign) = (Vec::new(), Vec::new());
+        for i in self.range.clone() {
+            let first = own.len();
+            cells.for_each_near(&x[i], |j| {
+                let j = j as usize;
+                let (here, there) = (place[i], place[j]);
+                // Both in the range: found from both sides, kept from the earlier one.
+                let earlier = here < there;
+                if j != i
+                    && (earlier || !self.range.contains(&j))
+                    && (x[i] - x[j]).norm_squared() <= reach * reach
+                {
+                    if earlier { own.push([here, there]) } else { foreign.push([there, here]) }
+                }
+            });
+            own[first..].sort_unstable();
+        }
+        foreign.sort_unstable();
+        self.pairs.clear();
+        let mut foreign = foreign.into_iter().peekable();
+        for pair in own {
+            while let Some(earlier) = foreign.next_if(|&other| other < pair) {
+                self.pairs.push(earlier);
+            }
+            self.pairs.push(pair);
+        }
+        self.pairs.extend(foreign);
+        for pair in &mut self.pairs {
+            *pair = pair.map(|place| order[place as usize]);
+        }
+        self.pairs.shrink_to(self.pairs.len() + self.pairs.len() / 8);
+    }
+
+    fn list_walls(&mut self, x: &[Vec3], (walls, reach): (&[Wall], f64)) {
+        self.walls.clear();
+        for i in self.range.clone() {
+            let near = walls.iter().enumerate().filter(|(_, wall)| wall.depth(&x[i]) <= reach);
+            self.walls.extend(near.map(|(k, _)| [i as u32, k as u32]));
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::particle::Locked;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use std::collections::BTreeSet;
@@ -241,25 +265,49 @@ mod tests {
         (0..n).map(|_| Vec3::from_fn(|axis, _| size[axis] * (rng.random::<f64>() - 0.3))).collect()
     }
 
-    fn listed(x: &[Vec3], ids: &[u64], owned: usize, reach: f64) -> (Lists, BTreeSet<[u32; 2]>) {
+    /// Lists in `blocks` blocks, and the set of listed pairs of ids, the earlier one in the order of sums first.
+    fn listed(
+        x: &[Vec3],
+        keys: &[Key],
+        owned: usize,
+        reach: f64,
+        blocks: usize,
+    ) -> (Lists, BTreeSet<[u64; 2]>) {
         let mut lists = Lists::default();
-        lists.rebuild(x, ids, owned, reach, &[], 0.0);
-        let set: BTreeSet<_> = lists.pairs.iter().copied().collect();
-        assert_eq!(set.len(), lists.pairs.len(), "a pair is listed twice");
+        lists.rebuild(x, keys, owned, reach, (&[], 0.0), blocks);
+        let mut set = BTreeSet::new();
+        for block in &lists.blocks {
+            let pairs: Vec<[Key; 2]> =
+                block.pairs.iter().map(|pair| pair.map(|i| keys[i as usize])).collect();
+            assert!(pairs.iter().all(|[a, b]| a < b));
+            assert!(pairs.windows(2).all(|w| w[0] < w[1]), "pairs are in the order of sums, each once");
+            assert!(block.pairs.iter().flatten().all(|&i| (i as usize) < x.len()));
+            assert!(block.pairs.iter().all(|pair| pair.iter().any(|&i| block.range.contains(&(i as usize)))));
+            set.extend(pairs.iter().map(|pair| pair.map(|(_, id)| id)));
+        }
         (lists, set)
     }
 
-    fn brute_force(x: &[Vec3], ids: &[u64], owned: usize, reach: f64) -> BTreeSet<[u32; 2]> {
+    fn brute_force(x: &[Vec3], keys: &[Key], owned: usize, reach: f64) -> BTreeSet<[u64; 2]> {
         let mut set = BTreeSet::new();
         for i in 0..owned {
             for j in i + 1..x.len() {
                 if (x[i] - x[j]).norm_squared() <= reach * reach {
-                    let (i, j) = if ids[i] < ids[j] { (i, j) } else { (j, i) };
-                    set.insert([i as u32, j as u32]);
+                    let (i, j) = if keys[i] < keys[j] { (i, j) } else { (j, i) };
+                    set.insert([keys[i].1, keys[j].1]);
                 }
             }
         }
         set
+    }
+
+    /// A cloud with the keys of its particles, the first `owned` sorted by them.
+    fn keyed(n: usize, owned: usize, size: [f64; 3], seed: u64) -> (Vec<Vec3>, Vec<Key>) {
+        let order = Order::new(size, 0.3);
+        let x = cloud(n, size, seed).into_iter().zip(0u64..);
+        let mut all: Vec<_> = x.map(|(x, k)| (order.key(&x, (k * 7919) % 10_007), x)).collect();
+        all[..owned].sort_unstable_by_key(|(key, _)| *key);
+        all.into_iter().map(|(key, x)| (x, key)).unzip()
     }
 
     #[test]
@@ -267,33 +315,51 @@ mod tests {
         let boxes = [[1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [5.0, 0.2, 0.2], [0.3, 4.0, 0.5], [1e7, 1.0, 1.0]];
         for (seed, size) in boxes.into_iter().enumerate() {
             for n in [1, 2, 40, 150] {
-                let x = cloud(n, size, seed as u64);
-                let ids: Vec<u64> = (0..n as u64).map(|k| (k * 7919) % 10_007).collect();
                 for owned in [0, n / 2, n] {
-                    assert_eq!(listed(&x, &ids, owned, 0.3).1, brute_force(&x, &ids, owned, 0.3));
+                    let (x, keys) = keyed(n, owned, size, seed as u64);
+                    let expected = brute_force(&x, &keys, owned, 0.3);
+                    for blocks in [1, 2, 5] {
+                        let (lists, set) = listed(&x, &keys, owned, 0.3, blocks);
+                        assert_eq!(set, expected);
+                        let owned_first = |pair: &&[u64; 2]| keys[..owned].iter().any(|key| key.1 == pair[0]);
+                        assert_eq!(lists.pairs(), expected.iter().filter(owned_first).count());
+                    }
                 }
             }
         }
     }
 
     #[test]
-    fn contacts_are_ordered_by_the_id_of_the_partner() {
-        let x = cloud(120, [1.0, 1.0, 0.5], 3);
-        let ids: Vec<u64> = (0..120).map(|k| (k * 7919) % 10_007).collect();
-        let owned = 90;
-        let (lists, set) = listed(&x, &ids, owned, 0.3);
-        for i in 0..owned {
-            let partners: Vec<u64> = lists
-                .entries(i)
-                .iter()
-                .map(|entry| {
-                    let pair = lists.pairs[entry.pair()];
-                    assert_eq!(pair[usize::from(entry.is_higher())] as usize, i);
-                    ids[pair[usize::from(!entry.is_higher())] as usize]
-                })
-                .collect();
-            assert!(partners.windows(2).all(|w| w[0] < w[1]));
-            assert_eq!(partners.len(), set.iter().filter(|pair| pair.contains(&(i as u32))).count());
+    fn every_particle_meets_its_partners_in_the_order_of_sums() {
+        let (x, keys) = keyed(120, 90, [1.0, 1.0, 0.5], 3);
+        for blocks in [1, 3] {
+            let (lists, set) = listed(&x, &keys, 90, 0.3, blocks);
+            for i in 0..90 {
+                let block = lists.blocks.iter().find(|block| block.range.contains(&i)).expect("one holds it");
+                let partners: Vec<Key> = block
+                    .pairs
+                    .iter()
+                    .filter(|pair| pair.contains(&(i as u32)))
+                    .map(|&[a, b]| keys[if a as usize == i { b } else { a } as usize])
+                    .collect();
+                assert!(partners.windows(2).all(|w| w[0] < w[1]));
+                assert_eq!(partners.len(), set.iter().filter(|pair| pair.contains(&keys[i].1)).count());
+            }
+        }
+    }
+
+    #[test]
+    fn near_pairs_are_those_within_their_reach_in_the_same_order() {
+        let (x, keys) = keyed(150, 100, [1.0, 1.0, 0.5], 5);
+        let (mut lists, _) = listed(&x, &keys, 100, 0.3, 2);
+        let body = |x: &Vec3| Motion { x: *x, v: Vec3::zeros(), omega: Locked };
+        let bodies: Vec<_> = x.iter().map(body).collect();
+        for block in &mut lists.blocks {
+            block.pick_near(&bodies, 0.25);
+            let within = |[i, j]: &[u32; 2]| (x[*i as usize] - x[*j as usize]).norm() <= 0.25;
+            let expected: Vec<_> = block.pairs.iter().copied().filter(within).collect();
+            assert!(expected.len() > 10 && expected.len() < block.pairs.len());
+            assert_eq!(block.near, expected);
         }
     }
 
@@ -315,9 +381,8 @@ mod tests {
         let walls = [Wall::new(Vec3::zeros(), -Vec3::z()), Wall::new(Vec3::new(1.0, 0.0, 0.0), Vec3::x())];
         let x = [Vec3::new(0.9, 0.0, 0.15), Vec3::new(0.5, 0.0, 0.1), Vec3::new(0.5, 0.0, 0.5)];
         let mut lists = Lists::default();
-        lists.rebuild(&x, &[4, 5, 6], 3, 0.01, &walls, 0.2);
-        assert_eq!(lists.walls(0), [0, 1]);
-        assert_eq!(lists.walls(1), [0]);
-        assert!(lists.walls(2).is_empty());
+        let keys = [4, 5, 6].map(|id| ([0; 3], id));
+        lists.rebuild(&x, &keys, 3, 0.01, (&walls, 0.2), 1);
+        assert_eq!(lists.blocks[0].walls, [[0, 0], [0, 1], [1, 0]]);
     }
 }

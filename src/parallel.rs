@@ -73,6 +73,19 @@ pub fn fold<A: Send + Sync + Clone>(
     (0..n.div_ceil(size)).into_par_iter().map(part).reduce(|| identity.clone(), &fold)
 }
 
+/// How many blocks of at least `grain` of `n` items keep all threads busy.
+pub fn blocks(n: usize, grain: usize) -> usize {
+    rayon::current_num_threads().min(n / grain).max(1)
+}
+
+/// Calls `work` for every item, in parallel.
+pub fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
+    match items {
+        [item] => work(item),
+        items => items.par_iter_mut().for_each(work),
+    }
+}
+
 /// A few chunks a thread, so that a slow one is helped out.
 fn chunk_size(n: usize, threads: usize, grain: usize) -> usize {
     n.div_ceil(4 * threads).max(grain / 2)

@@ -7,6 +7,39 @@ use nalgebra::Vector3;
 /// A vector in space; unit by context.
 pub type Vec3 = Vector3<f64>;
 
+// Arithmetic of the contact kernel: spelled out by component and inlined in any case, because nalgebra's operators are
+// loops and calls where they are not, and the compiler would then make no vector instructions of a loop over contacts.
+
+/// a . b
+#[inline(always)]
+pub fn dot(a: &Vec3, b: &Vec3) -> f64 {
+    a.x * b.x + a.y * b.y + a.z * b.z
+}
+
+/// a x b
+#[inline(always)]
+pub fn cross(a: &Vec3, b: &Vec3) -> Vec3 {
+    Vec3::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+}
+
+/// a + b
+#[inline(always)]
+pub fn plus(a: &Vec3, b: &Vec3) -> Vec3 {
+    Vec3::new(a.x + b.x, a.y + b.y, a.z + b.z)
+}
+
+/// a - b
+#[inline(always)]
+pub fn minus(a: &Vec3, b: &Vec3) -> Vec3 {
+    Vec3::new(a.x - b.x, a.y - b.y, a.z - b.z)
+}
+
+/// s a
+#[inline(always)]
+pub fn scaled(s: f64, a: &Vec3) -> Vec3 {
+    Vec3::new(s * a.x, s * a.y, s * a.z)
+}
+
 /// What a particle's rotation is made of: nothing (`Locked`) or an angular velocity (`Spinning`).
 /// The same type holds angular velocity (rad/s), angular acceleration (rad/s^2) and torque (N m).
 pub trait Spin: Copy + Send + Sync + PartialEq + std::fmt::Debug + 'static {
@@ -40,18 +73,23 @@ pub struct Spinning(pub Vec3);
 
 impl Spin for Locked {
     const COMPONENTS: usize = 0;
+    #[inline(always)]
     fn zero() -> Self {
         Locked
     }
+    #[inline(always)]
     fn from_vector(_w: Vec3) -> Self {
         Locked
     }
+    #[inline(always)]
     fn vector(&self) -> Vec3 {
         Vec3::zeros()
     }
+    #[inline(always)]
     fn plus(&self, _other: &Self) -> Self {
         Locked
     }
+    #[inline(always)]
     fn scaled(&self, _s: f64) -> Self {
         Locked
     }
@@ -70,30 +108,33 @@ impl Spin for Locked {
 
 impl Spin for Spinning {
     const COMPONENTS: usize = 3;
+    #[inline(always)]
     fn zero() -> Self {
         Spinning(Vec3::zeros())
     }
+    #[inline(always)]
     fn from_vector(w: Vec3) -> Self {
         Spinning(w)
     }
+    #[inline(always)]
     fn vector(&self) -> Vec3 {
         self.0
     }
     #[inline(always)]
     fn plus(&self, other: &Self) -> Self {
-        Spinning(self.0 + other.0)
+        Spinning(plus(&self.0, &other.0))
     }
     #[inline(always)]
     fn scaled(&self, s: f64) -> Self {
-        Spinning(self.0 * s)
+        Spinning(scaled(s, &self.0))
     }
     #[inline(always)]
     fn surface_velocity(&self, r: f64, n: &Vec3) -> Vec3 {
-        self.0.cross(n) * r
+        scaled(r, &cross(&self.0, n))
     }
     #[inline(always)]
     fn torque(r: f64, n: &Vec3, f: &Vec3) -> Self {
-        Spinning(n.cross(f) * -r)
+        Spinning(scaled(-r, &cross(n, f)))
     }
     #[inline(always)]
     fn max_abs(&self) -> f64 {

@@ -1,7 +1,7 @@
 //! How densely a bed is packed: the volume of the union of its spheres, their contacts, and the part of the bed that
 //! is measured.
 
-use crate::neighbors::Lists;
+use crate::neighbors::{Key, Lists};
 use crate::particle::Vec3;
 use crate::scene::Scene;
 
@@ -96,10 +96,10 @@ pub fn mean_coordination_number(x: &[Vec3], r: f64) -> f64 {
     if x.is_empty() {
         return 0.0;
     }
-    let ids: Vec<u64> = (0..x.len() as u64).collect();
+    let keys: Vec<Key> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();
-    lists.rebuild(x, &ids, x.len(), 2.0 * r, &[], r);
-    2.0 * lists.pairs.len() as f64 / x.len() as f64
+    lists.rebuild(x, &keys, x.len(), 2.0 * r, (&[], r), 1);
+    2.0 * lists.pairs() as f64 / x.len() as f64
 }
 
 /// The box, as its lower and upper corner (m), in which the density of the bed of `scene` with the centres `x` (m) is

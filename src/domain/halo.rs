@@ -4,22 +4,35 @@ use super::{Comm, Parcels};
 use crate::ode::Linear;
 use crate::particle::{Motion, Spin};
 
-/// Heights that a rank's particles occupy, m; `low > high` when it owns none.
+/// What a rank's particles occupy along an axis, m; `low > high` when it owns none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
-    /// Lowest centre, m.
+    /// Lowest coordinate of a centre, m.
     pub low: f64,
-    /// Highest centre, m.
+    /// Highest coordinate of a centre, m.
     pub high: f64,
 }
 
 impl Extent {
-    /// The extent of the given heights.
+    /// The extent of the given coordinates.
     pub fn of(z: impl Iterator<Item = f64>) -> Self {
         z.fold(Extent { low: f64::INFINITY, high: f64::NEG_INFINITY }, |extent, z| Extent {
             low: extent.low.min(z),
             high: extent.high.max(z),
         })
+    }
+
+    /// The extent of several.
+    pub fn around(extents: impl Iterator<Item = Extent>) -> Self {
+        extents.fold(Extent::of(std::iter::empty()), |all, extent| Extent {
+            low: all.low.min(extent.low),
+            high: all.high.max(extent.high),
+        })
+    }
+
+    /// Length, m; negative when nothing is in it.
+    pub fn length(&self) -> f64 {
+        self.high - self.low
     }
 
     /// `z` lies within `reach` (m) of the extent; never if the extent is empty.

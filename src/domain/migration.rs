@@ -3,7 +3,7 @@
 use super::slabs::Slabs;
 use super::{Comm, Parcels};
 use crate::error::Error;
-use crate::particle::{Motion, Spin};
+use crate::particle::{Motion, Spin, Vec3};
 
 /// What the ids of all particles add up to; compared after every migration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,16 +116,26 @@ pub fn migrate<W: Spin>(
             }
         }
     }
-    if !ids.is_sorted() {
-        let mut order: Vec<usize> = (0..ids.len()).collect();
-        order.sort_unstable_by_key(|&i| ids[i]);
-        *y = order.iter().map(|&i| y[i]).collect();
-        companions.iter_mut().for_each(|list| **list = order.iter().map(|&i| list[i]).collect());
-        ids.sort_unstable();
-    }
 }
 
-/// Keeps the items whose index passes.
+/// Sorts particles, with what belongs to them, by the key of their position (m) and id.
+pub fn sort<W: Spin, K: Ord>(
+    key: impl Fn(&Vec3, u64) -> K,
+    ids: &mut Vec<u64>,
+    y: &mut Vec<Motion<W>>,
+    companions: &mut [&mut Vec<Motion<W>>],
+) {
+    let keys: Vec<K> = y.iter().zip(&*ids).map(|(body, &id)| key(&body.x, id)).collect();
+    if keys.is_sorted() {
+        return;
+    }
+    let mut order: Vec<usize> = (0..ids.len()).collect();
+    order.sort_unstable_by(|&i, &j| keys[i].cmp(&keys[j]));
+    *y = order.iter().map(|&i| y[i]).collect();
+    companions.iter_mut().for_each(|list| **list = order.iter().map(|&i| list[i]).collect());
+    *ids = order.iter().map(|&i| ids[i]).collect();
+}
+
 fn retain<T>(list: &mut Vec<T>, keep: impl Fn(usize) -> bool) {
     let mut index = 0..;
     list.retain(|_| index.next().is_none_or(&keep));
@@ -136,7 +146,7 @@ mod tests {
     use super::*;
     use crate::domain::Solo;
     use crate::domain::comm::team::team;
-    use crate::particle::{Locked, Vec3};
+    use crate::particle::Locked;
 
     fn body(id: u64) -> Motion<Locked> {
         Motion {
@@ -161,6 +171,8 @@ mod tests {
                 migrate(comm, &slabs, &mut ids, &mut y, &mut [&mut twins]);
                 assert_eq!(twins, y);
                 assert_eq!(census.check(comm, &ids, 0.0), Ok(()));
+                sort(|_, id| id, &mut ids, &mut y, &mut [&mut twins]);
+                assert_eq!(twins, y);
                 assert!(ids.is_sorted());
                 assert!(y.iter().all(|body| slabs.owner(body.x.z) == comm.rank()));
                 assert!(ids.iter().zip(&y).all(|(&id, found)| *found == body(id)));
