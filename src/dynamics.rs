@@ -275,7 +275,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// Puts owned bodies and ghosts where `y` says. Collective.
     fn place(&mut self, y: &[Motion<W>]) {
         self.halo.refresh(self.comm, y, self.forces.ghosts());
-        self.forces.place(y, &self.origin, &self.origin);
+        self.forces.put(y);
     }
 
     /// Why the right-hand side at `y` is not finite, if so: the contact with the lowest ids. Collective.
@@ -373,9 +373,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         let clock = Instant::now();
         self.halo.refresh(self.comm, y, self.forces.ghosts());
         let refreshed = Instant::now();
-        let moved = self.forces.place(y, &self.origin, &self.start);
+        let moved = self.forces.begin(y, [&self.origin, &self.start], dydt);
         self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
-        self.pair_evaluations += self.forces.evaluate(dydt);
+        self.pair_evaluations += self.forces.finish(dydt);
         if self.audits {
             self.losses = self.dissipation();
         }

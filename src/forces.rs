@@ -1,16 +1,15 @@
-//! Forces on the particles of one rank: every listed pair is evaluated once into an array, then every owned particle
-//! sums its pairs in the order of their partners' ids, and its walls in the order of the scene. No rank, thread or
-//! list changes an order, so the sums have the same bits everywhere.
+//! Forces on the particles of one rank: every particle sums its walls in the order of the scene, then its pairs in the
+//! order of sums of [`crate::neighbors`]. No rank, thread or list changes an order, so the sums have the same bits
+//! everywhere. A pair is evaluated once, or twice where its particles belong to two ranks or two threads.
 
 use crate::contact::{Action, Law, Rebound, Tangential};
 use crate::container::Wall;
-use crate::kernel::{Batch, InstructionSet, Sweep};
+use crate::kernel::{self, Batch, InstructionSet, Sweep};
 use crate::neighbors::{Block, Key, Lists};
 use crate::ode::{Linear, Losses, larger};
-use crate::parallel::{self, GRAIN};
-use crate::particle::{Motion, Spin, Vec3};
+use crate::parallel;
+use crate::particle::{Motion, Spin, Vec3, dot, minus};
 use fail::fail_point;
-use rayon::prelude::*;
 
 /// How far beyond the cut-off near pairs are picked, as a share of the radius.
 const INNER_SKIN: f64 = 0.1;
@@ -38,6 +37,37 @@ pub enum Broken {
     Pair(usize, usize, f64),
     /// Local index, wall and overlap, m.
     Wall(usize, usize, f64),
+}
+
+/// A block and what belongs to it.
+struct Part<'a, B, S> {
+    block: &'a Block,
+    bodies: &'a mut [B],
+    slopes: &'a mut [S],
+    batch: &'a mut Batch,
+}
+
+type Parts<'a, B, S> = (&'a [Block], &'a mut [B], &'a mut [S], &'a mut [Batch]);
+
+/// Does `work` for every block, by as many threads as there are, and combines what it returns. The slices cover the
+/// blocks' particles, of which there may be none.
+fn each_block<B: Send, S: Send, A: Send>(
+    (blocks, bodies, slopes, batches): Parts<B, S>,
+    work: &(impl Fn(Part<B, S>) -> A + Sync),
+    combine: &(impl Fn(A, A) -> A + Sync),
+) -> A {
+    if let ([block], [batch]) = (blocks, &mut *batches) {
+        return work(Part { block, bodies, slopes, batch });
+    }
+    let half = blocks.len() / 2;
+    let middle = blocks[half].range.start - blocks[0].range.start;
+    let (blocks, batches) = (blocks.split_at(half), batches.split_at_mut(half));
+    let (bodies, slopes) = (bodies.split_at_mut(middle), slopes.split_at_mut(middle));
+    let (a, b) = rayon::join(
+        || each_block((blocks.0, bodies.0, slopes.0, batches.0), work, combine),
+        || each_block((blocks.1, bodies.1, slopes.1, batches.1), work, combine),
+    );
+    combine(a, b)
 }
 
 /// Bodies, lists and forces of one rank.
@@ -115,52 +145,59 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         &mut self.bodies[self.owned..]
     }
 
-    /// Moves the owned bodies to `y` and returns the largest squared distances (m^2) from `origin` and `start`.
-    pub fn place(&mut self, y: &[Motion<W>], origin: &[Vec3], start: &[Vec3]) -> [f64; 2] {
-        let picked = &self.picked;
-        let place = |first: usize, chunk: &mut [Motion<W>]| {
-            let mut moved = [0.0; 3];
-            for (k, body) in chunk.iter_mut().enumerate() {
-                let i = first + k;
-                *body = y[i];
-                for (moved, from) in moved.iter_mut().zip([&origin[i], &start[i], &picked[i]]) {
-                    *moved = larger(*moved, (body.x - from).norm_squared());
-                }
-            }
-            moved
-        };
-        let all = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| larger(a[k], b[k]));
-        let moved = parallel::chunks(&mut self.bodies[..self.owned], 4 * GRAIN, place, [0.0; 3], all);
-        self.strayed = moved[2];
-        [moved[0], moved[1]]
+    /// Moves the owned bodies to `y`.
+    pub fn put(&mut self, y: &[Motion<W>]) {
+        self.bodies[..self.owned].copy_from_slice(y);
     }
 
-    /// Eqs. (2.13)-(2.15) for every owned body in place. Returns how many pairs are within `l_max` and have the earlier
-    /// of their particles here: over all ranks every pair is counted once.
-    pub fn evaluate(&mut self, dydt: &mut [Motion<W>]) -> u64 {
+    /// Moves the owned bodies to `y`, sets the slopes to the forces (N) and torques (N m) of the walls, and returns the
+    /// largest squared distances (m^2) from `origin` and `start`. Needs no ghosts.
+    pub fn begin(
+        &mut self,
+        y: &[Motion<W>],
+        [origin, start]: [&[Vec3]; 2],
+        dydt: &mut [Motion<W>],
+    ) -> [f64; 2] {
+        let (law, setting, set, picked) = (&self.law, &self.setting, self.set, &self.picked);
+        let begin = |Part { block, bodies, slopes, batch }: Part<Motion<W>, Motion<W>>| {
+            let mut moved = [0.0; 3];
+            for ((body, slope), i) in bodies.iter_mut().zip(&mut *slopes).zip(block.range.clone()) {
+                *body = y[i];
+                *slope = Motion { x: body.v, ..Motion::zero() };
+                for (moved, from) in moved.iter_mut().zip([&origin[i], &start[i], &picked[i]]) {
+                    let way = minus(&body.x, from);
+                    *moved = larger(*moved, dot(&way, &way));
+                }
+            }
+            kernel::add_walls(set, Sweep { law, setting, bodies, block, batch, slopes });
+            moved
+        };
+        let parts = (&self.lists.blocks[..], &mut self.bodies[..self.owned], dydt, &mut self.batches[..]);
+        let all = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| larger(a[k], b[k]));
+        let [from_origin, from_start, strayed] = each_block(parts, &begin, &all);
+        self.strayed = strayed;
+        [from_origin, from_start]
+    }
+
+    /// Adds the pairs of the bodies in place to what `begin` left in the slopes, and makes accelerations of the forces,
+    /// eqs. (2.13)-(2.15). Returns how many pairs are within `l_max` and have the earlier of their particles here: over
+    /// all ranks every pair is counted once.
+    pub fn finish(&mut self, dydt: &mut [Motion<W>]) -> u64 {
         let ghosts = self.bodies.iter().zip(&self.picked).skip(self.owned);
         let strayed = ghosts.map(|(body, from)| (body.x - from).norm_squared()).fold(self.strayed, larger);
-        if !(strayed <= (0.5 * INNER_SKIN * self.law.r).powi(2)) {
+        let allowed = 0.5 * INNER_SKIN * self.law.r;
+        if strayed > allowed * allowed {
             self.pick_near();
         }
         let (law, setting, bodies, set) = (&self.law, &self.setting, &self.bodies[..], self.set);
-        let blocks = &self.lists.blocks;
-        let evaluate = |block: &Block, batch: &mut Batch, slopes: &mut [Motion<W>]| {
+        let finish = |Part { block, slopes, batch, .. }: Part<(), Motion<W>>| {
             fail_point!("worker");
-            Sweep { law, setting, bodies, block, batch: &mut *batch, slopes: &mut *slopes }.walls(set);
-            Sweep { law, setting, bodies, block, batch, slopes }.pairs(set)
+            kernel::add_pairs(set, Sweep { law, setting, bodies, block, batch, slopes })
         };
-        if let ([block], [batch]) = (&blocks[..], &mut self.batches[..]) {
-            return evaluate(block, batch, dydt);
-        }
-        let mut rest = dydt;
-        let mut parts = Vec::with_capacity(blocks.len());
-        for (block, batch) in blocks.iter().zip(&mut self.batches) {
-            let (slopes, tail) = rest.split_at_mut(block.range.len());
-            rest = tail;
-            parts.push((block, batch, slopes));
-        }
-        parts.into_par_iter().map(|(block, batch, slopes)| evaluate(block, batch, slopes)).sum()
+        // The bodies are shared here: what takes their place has no size.
+        let nothing = &mut vec![(); self.owned][..];
+        let parts = (&self.lists.blocks[..], nothing, dydt, &mut self.batches[..]);
+        each_block(parts, &finish, &|a, b| a + b)
     }
 
     /// A wall is a motionless partner with n = -n_k.

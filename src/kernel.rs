@@ -93,7 +93,7 @@ pub struct Sweep<'a, R, T, W> {
     pub law: &'a Law<R, T>,
     /// Masses, gravity and walls.
     pub setting: &'a Setting,
-    /// Owned particles, then ghosts.
+    /// Owned particles, then ghosts; or those of the block.
     pub bodies: &'a [Motion<W>],
     /// The block's lists.
     pub block: &'a Block,
@@ -103,28 +103,25 @@ pub struct Sweep<'a, R, T, W> {
     pub slopes: &'a mut [Motion<W>],
 }
 
+/// Adds the forces (N) and torques (N m) of the walls to the slopes; `bodies` are those of the block.
+pub fn add_walls<R: Rebound, T: Tangential, W: Spin>(set: InstructionSet, sweep: Sweep<R, T, W>) {
+    run(set, Walls(sweep));
+}
+
+/// Adds the forces and torques of the near pairs of all `bodies` to the slopes, and makes accelerations of them,
+/// eqs. (2.13)-(2.15). Returns how many pairs are within `l_max` and have their first particle in the block.
+pub fn add_pairs<R: Rebound, T: Tangential, W: Spin>(set: InstructionSet, sweep: Sweep<R, T, W>) -> u64 {
+    run(set, Pairs(sweep))
+}
+
 impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
-    /// Sets the slopes to the forces (N) and torques (N m) of the walls.
-    pub fn walls(self, set: InstructionSet) {
-        run(set, Walls(self));
-    }
-
-    /// Adds forces and torques of the pairs, and makes accelerations of them, eqs. (2.13)-(2.15). Returns how many
-    /// pairs are within `l_max` and have their first particle in the block.
-    pub fn pairs(self, set: InstructionSet) -> u64 {
-        run(set, Pairs(self))
-    }
-
     #[inline(always)]
     fn sum_walls(self) {
         let Sweep { law, setting, bodies, block, batch, slopes } = self;
         let first = block.range.start;
-        for (slope, body) in slopes.iter_mut().zip(&bodies[block.range.clone()]) {
-            *slope = Motion { x: body.v, v: Vec3::zeros(), omega: W::zero() };
-        }
         for contacts in block.walls.chunks(BATCH) {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
-                let (body, wall) = (&bodies[i as usize], &setting.walls[wall as usize]);
+                let (body, wall) = (&bodies[i as usize - first], &setting.walls[wall as usize]);
                 // A wall is a motionless partner with n = -n_k.
                 batch.gap[k] = wall.depth(&body.x) - law.r;
                 batch.put(k, &-wall.normal, &body.v, &body.omega);
@@ -297,6 +294,7 @@ mod tests {
     use crate::contact::{Coulomb, Dissipative, Elastic, Frictionless};
     use crate::container::Wall;
     use crate::neighbors::{Lists, Order};
+    use crate::ode::Linear;
     use crate::particle::{Locked, Spinning};
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
@@ -345,10 +343,16 @@ mod tests {
         let mut count = 0;
         for block in &lists.blocks {
             let (mut batch, mut other) = (Batch::default(), Batch::default());
-            let slopes = &mut slopes[block.range.clone()];
-            Sweep { law, setting: &setting, bodies, block, batch: &mut batch, slopes: &mut *slopes }
-                .walls(set);
-            count += Sweep { law, setting: &setting, bodies, block, batch: &mut other, slopes }.pairs(set);
+            let (own, slopes) = (&bodies[block.range.clone()], &mut slopes[block.range.clone()]);
+            for (slope, body) in slopes.iter_mut().zip(own) {
+                *slope = Motion { x: body.v, ..Motion::zero() };
+            }
+            let setting = &setting;
+            add_walls(
+                set,
+                Sweep { law, setting, bodies: own, block, batch: &mut batch, slopes: &mut *slopes },
+            );
+            count += add_pairs(set, Sweep { law, setting, bodies, block, batch: &mut other, slopes });
         }
         (slopes, count)
     }
