@@ -89,7 +89,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         y: &mut Vec<Motion<W>>,
     ) -> Result<Self, Error> {
         let mut slabs = Slabs::new(comm.size());
-        slabs.balance(comm, y.iter().map(|body| body.x.z));
+        slabs.balance(comm, y.iter().map(|body| (body.x.z, 1)));
         let mut dynamics = Dynamics {
             census: Census::take(comm, &ids),
             comm,
@@ -234,8 +234,12 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     ) -> Result<(), Error> {
         let clock = Instant::now();
         self.ids.truncate(self.forces.owned);
-        let counts: Vec<u64> = self.gather([y.len() as f64]).into_iter().map(|[n]| n as u64).collect();
-        self.slabs.follow(self.comm, y.iter().map(|body| body.x.z), &counts);
+        if self.comm.size() > 1 {
+            let loads = self.forces.loads();
+            let own = loads.iter().sum::<u64>() as f64;
+            let all: Vec<u64> = self.gather([own]).into_iter().map(|[load]| load as u64).collect();
+            self.slabs.follow(self.comm, y.iter().map(|body| body.x.z).zip(loads), &all);
+        }
         migration::migrate(self.comm, &self.slabs, &mut self.ids, y, companions);
         self.census.check(self.comm, &self.ids, t)?;
         let reach = self.reach();

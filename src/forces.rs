@@ -39,6 +39,9 @@ pub enum Broken {
     Wall(usize, usize, f64),
 }
 
+/// Work of a particle without pairs (stages, copies, walls), in units of half a pair; docs/performance.md has the costs.
+const LOAD: u64 = 4;
+
 /// A block and what belongs to it.
 struct Part<'a, B, S> {
     block: &'a Block,
@@ -281,6 +284,17 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             action.is_some_and(|action| !finite(&action))
         });
         pairs.chain(walls.map(|[i, k]| Broken::Wall(i, k, -self.wall_gap([i, k]))))
+    }
+
+    /// Work that every owned particle makes in a right-hand side, in units of one of its near pairs.
+    pub fn loads(&self) -> Vec<u64> {
+        let mut loads = vec![LOAD; self.owned];
+        for block in &self.lists.blocks {
+            for &i in block.near.iter().flatten().filter(|&&i| block.range.contains(&(i as usize))) {
+                loads[i as usize] += 1;
+            }
+        }
+        loads
     }
 
     /// Memory held, bytes.

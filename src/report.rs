@@ -169,7 +169,7 @@ pub fn plan(
     let count = start.x.len() as u64;
     let own = rows::block(count, comm.rank(), comm.size());
     let mut slabs = Slabs::new(comm.size());
-    slabs.balance(comm, own.clone().map(|i| start.x[i as usize][2]));
+    slabs.balance(comm, own.clone().map(|i| (start.x[i as usize][2], 1)));
     let mut owned = vec![0; comm.size()];
     own.for_each(|i| owned[slabs.owner(start.x[i as usize][2])] += 1);
     comm.sum(&mut owned);

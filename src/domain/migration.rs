@@ -166,7 +166,7 @@ mod tests {
                 let census = Census::take(comm, &ids);
                 assert_eq!(census.count(), 200);
                 let mut slabs = Slabs::new(ranks);
-                slabs.balance(comm, y.iter().map(|body| body.x.z));
+                slabs.balance(comm, y.iter().map(|body| (body.x.z, 1)));
                 let mut twins = y.clone();
                 migrate(comm, &slabs, &mut ids, &mut y, &mut [&mut twins]);
                 assert_eq!(twins, y);

@@ -2,7 +2,7 @@
 
 use super::Comm;
 
-/// A rank may own this many times its fair share before the bounds move.
+/// A rank may have this many times its fair share of the work before the bounds move.
 const TOLERATED_IMBALANCE: f64 = 1.1;
 /// Rebuilds after which bounds that could not be balanced better, because heights were equal, are tried again.
 const PATIENCE: u32 = 32;
@@ -37,32 +37,46 @@ impl Slabs {
         (self.bounds[rank], self.bounds[rank + 1])
     }
 
-    /// Moves the bounds to equal counts if some rank owns too much. `counts[q]` is what rank q owns now. Collective,
-    /// and every rank decides alike. Returns whether the bounds moved.
-    pub fn follow(&mut self, comm: &dyn Comm, z: impl Iterator<Item = f64>, counts: &[u64]) -> bool {
+    /// Moves the bounds to equal loads if some rank has too much. `particles` are the height (m) and the load of every
+    /// owned particle, `loads[q]` is the sum that rank q has now. Collective, and every rank decides alike. Returns
+    /// whether the bounds moved.
+    pub fn follow(
+        &mut self,
+        comm: &dyn Comm,
+        particles: impl Iterator<Item = (f64, u64)>,
+        loads: &[u64],
+    ) -> bool {
         self.age += 1;
         let expected = if self.age < PATIENCE { self.achieved } else { 1.0 };
-        if comm.size() == 1 || imbalance(counts) <= TOLERATED_IMBALANCE * expected {
+        if comm.size() == 1 || imbalance(loads) <= TOLERATED_IMBALANCE * expected {
             return false;
         }
-        self.balance(comm, z);
+        self.balance(comm, particles);
         true
     }
 
-    /// Moves the bounds so that every rank owns the same number of particles, as far as equal heights allow.
-    /// Collective.
-    pub fn balance(&mut self, comm: &dyn Comm, z: impl Iterator<Item = f64>) {
+    /// Moves the bounds so that every rank has the same load to within a thousandth of it, as far as equal heights and
+    /// single particles allow. `particles` are the height (m) and the load of every owned particle. Collective.
+    pub fn balance(&mut self, comm: &dyn Comm, particles: impl Iterator<Item = (f64, u64)>) {
         let ranks = comm.size();
         if ranks == 1 {
             return;
         }
-        let mut z: Vec<f64> = z.collect();
-        z.sort_unstable_by(f64::total_cmp);
-        let mut total = [z.len() as u64];
+        let mut particles: Vec<(f64, u64)> = particles.collect();
+        particles.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        // Load of all particles before each in the order of heights, and of all.
+        let mut load_below = vec![0];
+        for (_, load) in &particles {
+            load_below.push(load_below[load_below.len() - 1] + load);
+        }
+        let mut total = [load_below[particles.len()]];
         comm.sum(&mut total);
-        let wanted: Vec<u64> = (1..ranks as u64).map(|q| total[0] * q / ranks as u64).collect();
+        let [total] = total;
+        let wanted: Vec<u64> =
+            (1..ranks as u128).map(|q| (u128::from(total) * q / ranks as u128) as u64).collect();
+        let close = total / (1000 * ranks as u64);
         // Bisection on the bit patterns of all inner bounds at once: 64 rounds find any double, however far the
-        // furthest particle is, and a count that is met ends the search of its bound.
+        // furthest particle is, and a load that is met ends the search of its bound.
         let mut low = vec![ordered(f64::NEG_INFINITY); ranks - 1];
         let mut high = vec![ordered(f64::INFINITY); ranks - 1];
         let mut below = vec![0; ranks - 1];
@@ -71,16 +85,17 @@ impl Slabs {
                 break;
             }
             let middle: Vec<u64> = low.iter().zip(&high).map(|(low, high)| low + (high - low) / 2).collect();
-            for (count, &m) in below.iter_mut().zip(&middle) {
+            for (load, &m) in below.iter_mut().zip(&middle) {
                 let bound = value(m);
-                *count = z.partition_point(|&z| z < bound) as u64;
+                *load = load_below[particles.partition_point(|(z, _)| *z < bound)];
             }
             comm.sum(&mut below);
             for k in 0..ranks - 1 {
-                if below[k] <= wanted[k] {
+                let met = below[k].abs_diff(wanted[k]) <= close;
+                if met || below[k] < wanted[k] {
                     low[k] = middle[k];
                 }
-                if below[k] >= wanted[k] {
+                if met || below[k] > wanted[k] {
                     high[k] = middle[k];
                 }
             }
@@ -88,19 +103,19 @@ impl Slabs {
         for (k, &h) in high.iter().enumerate() {
             self.bounds[k + 1] = value(h);
         }
-        let mut counts = vec![0; ranks];
-        z.iter().for_each(|&z| counts[self.owner(z)] += 1);
-        comm.sum(&mut counts);
-        self.achieved = imbalance(&counts);
+        let mut loads = vec![0; ranks];
+        particles.iter().for_each(|&(z, load)| loads[self.owner(z)] += load);
+        comm.sum(&mut loads);
+        self.achieved = imbalance(&loads);
         self.age = 0;
     }
 }
 
-/// Largest count over the mean count; 1 is perfect.
-pub fn imbalance(counts: &[u64]) -> f64 {
-    let total: u64 = counts.iter().sum();
-    let largest = counts.iter().copied().max().unwrap_or(0);
-    if total == 0 { 1.0 } else { largest as f64 * counts.len() as f64 / total as f64 }
+/// Largest load over the mean load; 1 is perfect.
+pub fn imbalance(loads: &[u64]) -> f64 {
+    let total: u64 = loads.iter().sum();
+    let largest = loads.iter().copied().max().unwrap_or(0);
+    if total == 0 { 1.0 } else { largest as f64 * loads.len() as f64 / total as f64 }
 }
 
 /// Doubles as integers in the same order.
@@ -137,6 +152,35 @@ mod tests {
         }
     }
 
+    /// Particles of one load.
+    fn alike(z: &[f64]) -> impl Iterator<Item = (f64, u64)> + '_ {
+        z.iter().map(|&z| (z, 1))
+    }
+
+    #[test]
+    fn bounds_share_the_load_and_not_the_particles() {
+        for ranks in 2..=4 {
+            team(ranks, |comm| {
+                // The lower half of the particles has nine times the work of the upper half.
+                let particles = || {
+                    let load = |k: u64| if k < 5000 { 9 } else { 1 };
+                    (0..10_000).skip(comm.rank()).step_by(ranks).map(move |k| (k as f64, load(k)))
+                };
+                let mut slabs = Slabs::new(ranks);
+                slabs.balance(comm, particles());
+                let (mut loads, mut counts) = (vec![0; ranks], vec![0; ranks]);
+                for (z, load) in particles() {
+                    loads[slabs.owner(z)] += load;
+                    counts[slabs.owner(z)] += 1;
+                }
+                comm.sum(&mut loads);
+                comm.sum(&mut counts);
+                assert!(imbalance(&loads) < 1.003, "{loads:?}");
+                assert!(imbalance(&counts) > 1.4, "{counts:?}");
+            });
+        }
+    }
+
     #[test]
     fn bounds_give_every_rank_its_share() {
         for ranks in 2..=5 {
@@ -151,12 +195,12 @@ mod tests {
                 let mut slabs = Slabs::new(ranks);
                 let mut counts = vec![0; ranks];
                 counts[0] = 1000;
-                assert!(slabs.follow(comm, z.iter().copied(), &counts));
+                assert!(slabs.follow(comm, alike(&z), &counts));
                 let mut owned = vec![0; ranks];
                 z.iter().for_each(|&z| owned[slabs.owner(z)] += 1);
                 comm.sum(&mut owned);
                 assert!(owned.iter().all(|&n| n.abs_diff(1000 / ranks as u64) <= 3), "{owned:?}");
-                assert!(!slabs.follow(comm, z.iter().copied(), &owned));
+                assert!(!slabs.follow(comm, alike(&z), &owned));
             });
         }
     }
@@ -166,13 +210,13 @@ mod tests {
         team(3, |comm| {
             let z = vec![1.0; if comm.rank() == 1 { 60 } else { 0 }];
             let mut slabs = Slabs::new(3);
-            assert!(slabs.follow(comm, z.iter().copied(), &[0, 60, 0]));
+            assert!(slabs.follow(comm, alike(&z), &[0, 60, 0]));
             let owner = slabs.owner(1.0);
             assert!(owner < 3);
-            assert!(!slabs.follow(comm, z.iter().copied(), &[0, 60, 0]));
+            assert!(!slabs.follow(comm, alike(&z), &[0, 60, 0]));
             // Once they have spread, the bounds follow all the same.
             let spread: Vec<f64> = (0..z.len()).map(|k| k as f64).collect();
-            assert!((0..PATIENCE).any(|_| slabs.follow(comm, spread.iter().copied(), &[0, 60, 0])));
+            assert!((0..PATIENCE).any(|_| slabs.follow(comm, alike(&spread), &[0, 60, 0])));
             let mut owned = vec![0; 3];
             spread.iter().for_each(|&z| owned[slabs.owner(z)] += 1);
             comm.sum(&mut owned);
