@@ -93,7 +93,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let mut dynamics = Dynamics {
             census: Census::take(comm, &ids),
             comm,
-            forces: Forces::new(law, setting),
+            forces: Forces::new(law, setting)?,
             slabs,
             halo: Halo::default(),
             ids,

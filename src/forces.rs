@@ -4,6 +4,7 @@
 
 use crate::contact::{Action, Law, Rebound, Tangential};
 use crate::container::Wall;
+use crate::error::Error;
 use crate::kernel::{self, Batch, InstructionSet, Sweep};
 use crate::neighbors::{Block, Key, Lists};
 use crate::ode::{Linear, Losses, larger};
@@ -95,9 +96,9 @@ pub struct Forces<R, T, W> {
 }
 
 impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
-    /// No particles yet.
-    pub fn new(law: Law<R, T>, setting: Setting) -> Self {
-        Forces {
+    /// No particles yet. Fails where `InstructionSet::chosen` does.
+    pub fn new(law: Law<R, T>, setting: Setting) -> Result<Self, Error> {
+        Ok(Forces {
             law,
             setting,
             lists: Lists::default(),
@@ -106,8 +107,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             picked: Vec::new(),
             strayed: 0.0,
             batches: Vec::new(),
-            set: InstructionSet::chosen(),
-        }
+            set: InstructionSet::chosen()?,
+        })
     }
 
     /// Takes the owned particles `y` and makes room for `ghosts` behind them.

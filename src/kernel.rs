@@ -6,6 +6,7 @@
 //! same bits.
 
 use crate::contact::{Action, Law, Rebound, Tangential};
+use crate::error::Error;
 use crate::forces::Setting;
 use crate::neighbors::Block;
 use crate::particle::{Motion, Spin, Vec3, dot, minus, plus, scaled};
@@ -68,13 +69,22 @@ impl InstructionSet {
         sets
     }
 
-    /// The widest that this processor can run, or the narrower one that the environment variable
-    /// `DEMHYBRID_INSTRUCTIONS` names.
-    pub fn chosen() -> Self {
-        let wanted = std::env::var("DEMHYBRID_INSTRUCTIONS").unwrap_or_default();
+    /// The widest that this processor can run, or the one that the environment variable `DEMHYBRID_INSTRUCTIONS` names.
+    pub fn chosen() -> Result<Self, Error> {
         let sets = Self::available();
-        let named = sets.iter().find(|set| set.name() == wanted);
-        *named.or(sets.last()).expect("there is a baseline")
+        let Some(wanted) = std::env::var_os("DEMHYBRID_INSTRUCTIONS") else {
+            return Ok(*sets.last().expect("there is a baseline"));
+        };
+        let known = sets.iter().find(|set| wanted == set.name());
+        known.copied().ok_or_else(|| {
+            let names: Vec<&str> = sets.iter().map(|set| set.name()).collect();
+            let wanted = wanted.to_string_lossy();
+
+            Error::Input(format!(
+                "DEMHYBRID_INSTRUCTIONS = \"{wanted}\": this processor runs {}",
+                names.join(", ")
+            ))
+        })
     }
 
     /// Name, as in `DEMHYBRID_INSTRUCTIONS` and in the output.
@@ -153,9 +163,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
                 let apart = batch.normal(k);
                 let d2 = dot(&apart, &apart);
                 let d = d2.sqrt();
-                // Not a number is near: it must show.
-                let near = !(d2 > cutoff * cutoff);
-                batch.evaluate::<R, T, W>(k, law, near, d - 2.0 * law.r, scaled(1.0 / d, &apart));
+                let far = d2 > cutoff * cutoff;
+                // What is not a number is not far: it must show.
+                batch.evaluate::<R, T, W>(k, law, !far, d - 2.0 * law.r, scaled(1.0 / d, &apart));
             }
             for (k, &[i, j]) in contacts.iter().enumerate() {
                 let (force, torque) = (batch.force(k), batch.torque(k));

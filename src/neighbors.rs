@@ -147,8 +147,9 @@ impl Block {
         for &pair in &self.pairs {
             let apart = bodies[pair[0] as usize].x - bodies[pair[1] as usize].x;
             self.near[kept] = pair;
-            // Not a number is near: it must show.
-            kept += usize::from(!(apart.norm_squared() > reach * reach));
+            // What is not a number is not far: it must show.
+            let far = apart.norm_squared() > reach * reach;
+            kept += usize::from(!far);
         }
         self.near.truncate(kept);
     }

@@ -5,6 +5,7 @@ use crate::contact::{Law, Rebound, Tangential};
 use crate::domain::{Comm, rows};
 use crate::dynamics::Clocks;
 use crate::error::Error;
+use crate::kernel::InstructionSet;
 use crate::launch;
 use crate::output::{self, Measures, Output, Rows, RunInfo, Seconds};
 use crate::particle::{Motion, Spin};
@@ -20,6 +21,7 @@ use std::time::Instant;
 pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     launch::check_launcher(comm.size())?;
     let (threads, bound) = agree(comm, launch::start_threads(comm, args.threads))?;
+    let set = agree(comm, InstructionSet::chosen())?;
     let (scene, start) = load_for_output(args, comm)?;
     let file = scene.output.file.clone().unwrap_or_default();
     share(comm, || spare_the_input(args, &scene, &file))?;
@@ -42,7 +44,10 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
         return Ok(());
     }
     let place = place?;
-    simulation::dispatch(&scene, Run { args, scene: &scene, start: &start, comm, threads, place: &place })
+    simulation::dispatch(
+        &scene,
+        Run { args, scene: &scene, start: &start, comm, threads, set, place: &place },
+    )
 }
 
 /// The scene and its particles, with the output file of the command line. Collective.
@@ -183,6 +188,7 @@ struct Run<'a> {
     start: &'a Start,
     comm: &'a dyn Comm,
     threads: usize,
+    set: InstructionSet,
     place: &'a Path,
 }
 
@@ -190,7 +196,7 @@ impl Task for Run<'_> {
     type Output = Result<(), Error>;
 
     fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Result<(), Error> {
-        let Run { args, scene, start, comm, threads, place } = self;
+        let Run { args, scene, start, comm, threads, set, place } = self;
         let started = Instant::now();
         let simulation = Simulation::<R, T, W>::new(scene, start, law, comm)?;
         let count = start.x.len() as u64;
@@ -207,7 +213,7 @@ impl Task for Run<'_> {
             mass: scene.particles.mass,
             ranks: comm.size(),
             threads,
-            instruction_set: INSTRUCTION_SET.into(),
+            instruction_set: format!("{} {}", std::env::consts::ARCH, set.name()),
         };
         let block = rows::block(count, comm.rank(), comm.size());
         let rotation = W::COMPONENTS > 0;
@@ -235,10 +241,6 @@ impl Task for Run<'_> {
         Ok(())
     }
 }
-
-/// The instruction set of the contact kernel.
-const INSTRUCTION_SET: &str =
-    if cfg!(target_arch = "x86_64") { "x86_64 sse2" } else { std::env::consts::ARCH };
 
 /// Writes frames and tells about them.
 struct Recorder<'a> {

@@ -3,6 +3,7 @@
 #[path = "common/mpirun.rs"]
 mod mpirun;
 
+use demhybrid::kernel::InstructionSet;
 use mpirun::{Job, PACKAGE, Results, assert_same_bits, progress_lines};
 use std::fs;
 use std::path::Path;
@@ -251,4 +252,23 @@ fn what_is_wrong_before_the_first_step_is_one_message_and_code_2() {
         assert_eq!(ended.stdout, "");
     }
     assert_eq!(names(folder.path()), ["heap.toml"]);
+}
+
+#[test]
+fn instruction_sets_can_be_named_and_give_the_same_bits() {
+    let folder = folder();
+    let run = |set: &str| {
+        let file = format!("{set}.vtkhdf");
+        let job = Job::alone(folder.path(), &["heap.toml", "--force", "-o", &file]);
+        job.with_variable("DEMHYBRID_INSTRUCTIONS", set).run().with_code(0);
+        Results::open(&folder.path().join(file))
+    };
+    let baseline = run("baseline");
+    for set in InstructionSet::available() {
+        let results = run(set.name());
+        assert!(results.text("instruction_set").ends_with(set.name()));
+        assert_same_bits(&baseline, &results, set.name());
+    }
+    let job = Job::alone(folder.path(), &["heap.toml"]).with_variable("DEMHYBRID_INSTRUCTIONS", "mmx");
+    job.run().with_code(2).only_error(&["DEMHYBRID_INSTRUCTIONS", "mmx", "baseline"]);
 }
