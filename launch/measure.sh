@@ -117,8 +117,8 @@ prepare() {
 
 # A settled bed of N particles at $beds/bedN.csv: settled N. Sets `csv`, `lx`, `ly`.
 # 200, 2 000 and 20 000 spheres fall for 1.5 s at a loose tolerance, which is nearly the end of their motion, and come to
-# rest for another second at a tolerance of 1. More are mirrored copies of 20 000 side by side. Spheres at the seams
-# then meet their own image where a wall was and overlap it twice as far, which 0.05 s put right.
+# rest for another second at a tolerance of 1. More are mirrored copies of 20 000 side by side (see `tile` in bed.py), which
+# have 0.1 s to come to rest at the seams.
 settled() {
     shape "$1"
     box
@@ -146,7 +146,7 @@ tiled() {
     box
     say "tiling ${copies[0]} x ${copies[1]} beds of $base spheres, kept in $csv"
     bed tile "$beds/bed$base.csv" "$tiles" --size "$size" "$size" --copies "${copies[@]}"
-    rest "$1" "$tiles" 0.05
+    rest "$1" "$tiles" 0.1
     rm "$tiles"
 }
 
@@ -172,4 +172,160 @@ resting_time() {
 # The processor, as its maker calls it.
 processor() {
     sed -n 's/^model name[^:]*: //p' /proc/cpuinfo 2>/dev/null | head -n 1
+}
+
+# --- ranks x threads ---
+
+# Cores of this job: SLURM_NTASKS ranks of SLURM_CPUS_PER_TASK cores under Slurm, or all cores of this machine in any way.
+if [ -n "${SLURM_JOB_ID:-}" ]; then
+    most_ranks="${SLURM_NTASKS:-1}" most_threads="${SLURM_CPUS_PER_TASK:-1}"
+    cores=$((most_ranks * most_threads))
+else
+    cores="$(nproc)"
+    most_ranks="$cores" most_threads="$cores"
+fi
+
+# 1, 2, 4, ... and the number given.
+powers() {
+    local n
+    for ((n = 1; n < $1; n *= 2)); do
+        echo "$n"
+    done
+    echo "$1"
+}
+
+# All combinations of such numbers of ranks and threads that fit into the cores, few cores first.
+combinations() {
+    local ranks threads
+    for ranks in $(powers "$most_ranks"); do
+        for threads in $(powers "$most_threads"); do
+            [ $((ranks * threads)) -gt "$cores" ] || echo "$((ranks * threads)) ${ranks}x$threads"
+        done
+    done | sort -n -k 1,1 -s | awk '{ printf "%s ", $2 }'
+}
+
+# Starts the command on ranks with cores for their threads: on_ranks RANKS THREADS COMMAND...
+on_ranks() {
+    local ranks="$1" threads="$2" launcher
+    shift 2
+    if [ -n "${LAUNCHER:-}" ]; then
+        read -r -a launcher <<<"${LAUNCHER//\{ranks\}/$ranks}"
+        launcher=("${launcher[@]//\{threads\}/$threads}")
+    elif [ -n "${SLURM_JOB_ID:-}" ]; then
+        read -r -a launcher <<<"srun --ntasks=$ranks --cpus-per-task=$threads --exact ${SRUN_OPTIONS:-}"
+    else
+        launcher=(mpirun -n "$ranks")
+    fi
+    RAYON_NUM_THREADS="$threads" "${launcher[@]}" "$@"
+}
+
+# The functions below use `repeats`, `combos` and a folder `work` of the script.
+repeats="${REPEATS:-5}" combos=() work=
+
+# Runs demhybrid once: sets wall, user (of all ranks), solver (its own wall time), rhs, digest, particles.
+# Every rank notes its user time itself: those that srun starts are no children of ours.
+run_combination() { # RANKS THREADS SCENE OPTIONS...
+    local ranks="$1" threads="$2"
+    shift 2
+    rm -f "$work"/user.* "$work/run.vtkhdf"
+    # shellcheck disable=SC2016 # expands on the ranks
+    timed "$work/log" on_ranks "$ranks" "$threads" bash -c '
+        TIMEFORMAT=%U
+        { time "${@:2}" 2>&3; } 3>&2 2>"$1/user.$HOSTNAME.$$"' rank "$work" \
+        "$demhybrid" "$@" --threads "$threads" -q --force -o "$work/run.vtkhdf"
+    user="$(cat "$work"/user.* | awk '{ s += $1 } END { print s }')"
+    [ "$(cat "$work"/user.* | wc -l)" = "$ranks" ] || die "$ranks ranks were asked for, but $(cat "$work"/user.* | wc -l) ran"
+    read -r rhs _ _ _ _ _ solver particles started < <(bed facts "$work/run.vtkhdf")
+    [ "$started" = "${ranks}x$threads" ] ||
+        die "asked for ${ranks}x$threads ranks x threads, but demhybrid ran on $started: does the launcher match its MPI?"
+    digest="$(bed digest "$work/run.vtkhdf")"
+}
+
+# Runs all combinations by turns and notes every run in NAME-runs.csv: race_combinations CASE NAME SCENE OPTIONS...
+race_combinations() {
+    local case="$1" name="$2" combo ranks threads
+    shift 2
+    load_before="$(load)"
+    for ((turn = 1; turn <= repeats; turn++)); do
+        for combo in "${combos[@]}"; do
+            ranks="${combo%x*}" threads="${combo#*x}"
+            run_combination "$ranks" "$threads" "$@"
+            say "$case, turn $turn of $repeats, $combo: $solver s, user time $user s, $rhs right-hand sides"
+            echo "$case,$particles,$ranks,$threads,$turn,$wall,$user,$solver,$rhs,$digest,$(load)" >>"$name-runs.csv"
+        done
+    done
+    load_after="$(load)"
+}
+
+# Stops unless all runs of a case, or of one number of ranks in it, gave the same bits: one_digest NAME CASE [RANKS]
+one_digest() {
+    local digests
+    digests="$(awk -F, -v c="$2" -v r="${3:-}" '$1 == c && (r == "" || $3 == r) { print $10, "from " $9 " right-hand sides" }' \
+        "$1-runs.csv" | sort | uniq -c)"
+    [ "$(wc -l <<<"$digests")" = 1 ] || die "the runs of $2 differ, see column digest of $1-runs.csv:
+$digests"
+}
+
+# Medians of a case with speed-up and efficiency, to NAME.csv and the terminal: summarise NAME CASE
+# Speed-up is what the first combination takes for a right-hand side of a particle over what this one takes.
+summarise() {
+    local name="$1" case="$2" combo ranks threads first_rate='' first_cores row field
+    printf '\n%s: load %s before, %s after\n' "$case" "$load_before" "$load_after"
+    printf '  %6s %8s %10s %10s %10s %9s %9s %11s\n' ranks threads particles 'solver, s' 'wall, s' 'user, s' speed-up efficiency
+    for combo in "${combos[@]}"; do
+        ranks="${combo%x*}" threads="${combo#*x}"
+        row=()
+        for field in 6 7 8; do
+            # shellcheck disable=SC2046 # a list of numbers
+            row+=("$(median $(awk -F, -v c="$case" -v r="$ranks" -v t="$threads" -v f="$field" \
+                '$1 == c && $3 == r && $4 == t { print $f }' "$name-runs.csv"))")
+        done
+        read -r particles rhs digest < <(awk -F, -v c="$case" -v r="$ranks" -v t="$threads" \
+            '$1 == c && $3 == r && $4 == t { print $2, $9, $10 }' "$name-runs.csv" | tail -n 1)
+        rate="$(awk -v n="$particles" -v e="$rhs" -v t="${row[2]}" 'BEGIN { printf "%.10g", n * e / t }')"
+        [ -n "$first_rate" ] || first_rate="$rate" first_cores=$((ranks * threads))
+        read -r speedup efficiency < <(awk -v a="$first_rate" -v b="$rate" -v c="$first_cores" -v p=$((ranks * threads)) \
+            'BEGIN { printf "%.3f %.3f\n", b / a * c, b / a * c / p }')
+        printf '  %6s %8s %10s %10.3f %10.3f %9.3f %9s %11s\n' "$ranks" "$threads" "$particles" "${row[2]}" "${row[0]}" \
+            "${row[1]}" "$speedup" "$efficiency"
+        echo "$case,$particles,$ranks,$threads,$((ranks * threads)),$repeats,${row[0]},${row[1]},${row[2]},$rhs,$speedup,$efficiency,$digest,$load_before,$load_after" \
+            >>"$name.csv"
+    done
+}
+
+# Speed-up and efficiency over cores from NAME.csv, a curve for each case and number of threads: plot NAME TITLE
+plot() {
+    local name="$1" title="$2" key keys curves='' quality='' number=0
+    if ! command -v gnuplot >/dev/null; then
+        say "no figure, because gnuplot is missing (on Debian: apt install gnuplot-nox); the numbers are in $name.csv"
+        return
+    fi
+    keys="$(awk -F, 'NR > 1 && !seen[$1 "," $4]++ { print $1 "," $4 }' "$name.csv")"
+    while IFS=, read -r key threads; do
+        number=$((number + 1))
+        awk -F, -v c="$key" -v t="$threads" 'NR > 1 && $1 == c && $4 == t { print $5, $11, $12 }' "$name.csv" | sort -n \
+            >"$work/curve$number"
+        local look="with linespoints linewidth 2 pointtype $number linecolor $number"
+        curves+=", '$work/curve$number' using 1:2 $look title '$key, $threads thread$([ "$threads" = 1 ] || echo s) a rank'"
+        quality+=", '$work/curve$number' using 1:3 $look notitle"
+    done <<<"$keys"
+    most="$(awk -F, 'NR > 1 && $5 > m { m = $5 } END { print m }' "$name.csv")"
+    gnuplot <<EOF
+set terminal svg size 900,480 font 'sans-serif,14' background '#ffffff'
+set output '$name.svg'
+set multiplot layout 1,2 title '$title'
+set grid linecolor '#dddddd'
+set key top left reverse Left
+set logscale xy 2
+set xrange [0.9:$most*1.1]
+set xlabel 'cores'
+set ylabel 'speed-up'
+plot [1:$most] x with lines dashtype 2 linecolor '#888888' title 'ideal'$curves
+unset logscale y
+set ylabel 'parallel efficiency'
+set yrange [0:1.2]
+plot 1 with lines dashtype 2 linecolor '#888888' notitle$quality
+unset multiplot
+EOF
+    say "wrote $name.csv and $name.svg"
 }

@@ -11,6 +11,7 @@ import numpy as np
 
 COLUMNS = ["x", "y", "z", "vx", "vy", "vz", "avx", "avy", "avz"]
 RADIUS, MASS, REACH = 0.1, 1.0, 0.3  # m, kg, m: the sphere of bed.toml, and 2r + l_max
+SHIFTED = 1.0  # m, how far behind a seam spheres give way
 
 
 def frame(path, number):
@@ -41,6 +42,20 @@ def write(path, bed):
         file.writelines(",".join(map(repr, row)) + "\n" for row in bed.tolist())
 
 
+def make_room(bed, axis, wall, inward):
+    """Moves spheres from a wall (at `wall`, `inward` +1 or -1) where a seam with a mirror image takes its place: by half
+    of their overlap with it, so that they overlap their image just as far. What is behind them within SHIFTED gives way:
+    by half of the mean overlap at its height, less with distance."""
+    gap = inward * (bed[:, axis] - wall) - RADIUS
+    layer = np.floor(bed[:, 2] / (2 * RADIUS)).astype(int)
+    overlaps = np.zeros(layer.max() + 1)
+    touching = gap < 0
+    np.add.at(overlaps, layer[touching], -gap[touching])
+    overlaps /= np.maximum(1, np.bincount(layer[touching], minlength=len(overlaps)))
+    share = np.clip(1 - gap / SHIFTED, 0, 1)
+    bed[:, axis] += inward * np.where(touching, -gap, overlaps[layer] * share) / 2
+
+
 def tile(bed, size, copies):
     """Copies side by side, every second one mirrored at its wall, so that spheres at a seam meet their own image."""
     tiles = []
@@ -52,6 +67,10 @@ def tile(bed, size, copies):
                 one[:, 3 + axis] *= -1
                 # Spin is an axial vector: a mirror keeps its component along the normal and turns the others.
                 one[:, [6 + a for a in range(3) if a != axis]] *= -1
+            if index > 0:
+                make_room(one, axis, 0.0, 1)
+            if index < copies[axis] - 1:
+                make_room(one, axis, size[axis], -1)
             one[:, axis] += index * size[axis]
         tiles.append(one)
     return np.vstack(tiles)
@@ -93,13 +112,15 @@ def count_pairs(x, limits):
 
 
 def facts(path):
-    """What a finished run cost: right-hand sides, accepted steps, pair evaluations, method, version and commit."""
+    """What a finished run was: right-hand sides, accepted steps, pair evaluations, method, version, commit, the solver's
+    wall time (s), particles, ranks x threads."""
     with h5py.File(path) as file:
         run = file["run"].attrs
         if not run["completed"]:
             raise SystemExit(f"bed.py: {path} was not completed")
-        names = ("rhs_evaluations", "steps_accepted", "pair_evaluations", "method", "version", "commit")
-        return " ".join(str(run[name]) for name in names)
+        names = ("rhs_evaluations", "steps_accepted", "pair_evaluations", "method", "version", "commit", "wall_seconds")
+        count = int(file["VTKHDF/NumberOfPoints"][0])
+        return " ".join([*(str(run[name]) for name in names), str(count), f"{run['ranks']}x{run['threads']}"])
 
 
 def digest(path):
