@@ -22,10 +22,9 @@ set -euo pipefail
 if [ "${QUICK:-0}" != 0 ]; then
     sizes="${SIZES-2000}" falls="${SETTLE_SIZES-200}" repeats="${REPEATS:-1}"
 else
-    sizes="${SIZES-2000 20000 200000}" falls="${SETTLE_SIZES-200 2000 20000}" repeats="${REPEATS:-5}"
+    sizes="${SIZES-2000 20000 200000}" falls="${SETTLE_SIZES-200 2000 20000}"
 fi
 skin_buck="${SKIN_BUCK:-0.01}" skin_hertz="${SKIN_HERTZ:-0.03}"
-read -r -a ours <<<"${OURS:-}"
 peers="$project/benches/peers"
 out="$PWD"
 
@@ -41,7 +40,6 @@ fi
 export OMP_NUM_THREADS=1 RAYON_NUM_THREADS=1
 
 work="$(mktemp -d)"
-trap 'rm -rf "$work"' EXIT
 
 # Each runs one program once and sets wall, user and evaluations (of every particle).
 ours() {

@@ -138,7 +138,20 @@ settled() {
     fi
 }
 
-# A bed of N particles from `copies` of the settled bed of `base` particles, at `csv`.
+# A settled bed of R tiles of N particles along x, N being 200, 2000 or 20000: wide N R. Sets `csv`, `lx`, `ly`.
+wide() {
+    shape "$1"
+    copies=("$2" 1)
+    box
+    if [ "$2" = 1 ]; then
+        settled "$1"
+    else
+        csv="$beds/bed$1x$2.csv"
+        [ -f "$csv" ] || tiled "$1x$2"
+    fi
+}
+
+# A bed named so from `copies` of the settled bed of `base` particles, at `csv`: tiled NAME
 tiled() {
     local target="$csv" tiles="$beds/tiles$1.csv" wide=("${copies[@]}")
     settled "$base"
@@ -150,7 +163,7 @@ tiled() {
     rm "$tiles"
 }
 
-# Lets the particles of a file come to rest at `csv`: rest N FILE SECONDS.
+# Lets the particles of a file come to rest at `csv`: rest NAME FILE SECONDS.
 rest() {
     from_file "$2"
     prepare "$beds/rest$1.vtkhdf" "${options[@]}" --set "t_end=$3" --set "output.interval=$3" --set solver.tolerance=1
@@ -219,8 +232,19 @@ on_ranks() {
     RAYON_NUM_THREADS="$threads" "${launcher[@]}" "$@"
 }
 
-# The functions below use `repeats`, `combos` and a folder `work` of the script.
-repeats="${REPEATS:-5}" combos=() work=
+# What the functions below use, and `options_of COMBINATION`, with which the script sets `options` of a run.
+repeats="${REPEATS:-5}" combos=() ours=() work=
+read -r -a ours <<<"${OURS:-}"
+trap '[ -z "$work" ] || rm -rf "$work"' EXIT
+
+# Says what is going to run and starts the files of results: start NAME
+start() {
+    work="$(mktemp -d "$PWD/$1.XXXXXX")" # in a folder that all nodes of a cluster see
+    echo "case,particles,ranks,threads,turn,wall_s,user_s,solver_s,rhs_evaluations,digest,load" >"$1-runs.csv"
+    echo "case,particles,ranks,threads,cores,repeats,wall_s,user_s,solver_s,rhs_evaluations,speedup,efficiency,digest,load_before,load_after" \
+        >"$1.csv"
+    say "ranks x threads ${combos[*]}; $("$demhybrid" --version | sed -n 1p); $(processor); load $(load)"
+}
 
 # Runs demhybrid once: sets wall, user (of all ranks), solver (its own wall time), rhs, digest, particles.
 # Every rank notes its user time itself: those that srun starts are no children of ours.
@@ -241,15 +265,15 @@ run_combination() { # RANKS THREADS SCENE OPTIONS...
     digest="$(bed digest "$work/run.vtkhdf")"
 }
 
-# Runs all combinations by turns and notes every run in NAME-runs.csv: race_combinations CASE NAME SCENE OPTIONS...
+# Runs all combinations by turns and notes every run in NAME-runs.csv: race_combinations CASE NAME SCENE
 race_combinations() {
     local case="$1" name="$2" combo ranks threads
-    shift 2
     load_before="$(load)"
     for ((turn = 1; turn <= repeats; turn++)); do
         for combo in "${combos[@]}"; do
             ranks="${combo%x*}" threads="${combo#*x}"
-            run_combination "$ranks" "$threads" "$@"
+            options_of "$combo"
+            run_combination "$ranks" "$threads" "$3" "${options[@]}" "${ours[@]}"
             say "$case, turn $turn of $repeats, $combo: $solver s, user time $user s, $rhs right-hand sides"
             echo "$case,$particles,$ranks,$threads,$turn,$wall,$user,$solver,$rhs,$digest,$(load)" >>"$name-runs.csv"
         done
@@ -305,26 +329,27 @@ plot() {
         number=$((number + 1))
         awk -F, -v c="$key" -v t="$threads" 'NR > 1 && $1 == c && $4 == t { print $5, $11, $12 }' "$name.csv" | sort -n \
             >"$work/curve$number"
-        local look="with linespoints linewidth 2 pointtype $number linecolor $number"
+        local look="with linespoints linewidth 2 pointtype $((number + 3)) linecolor $number"
         curves+=", '$work/curve$number' using 1:2 $look title '$key, $threads thread$([ "$threads" = 1 ] || echo s) a rank'"
-        quality+=", '$work/curve$number' using 1:3 $look notitle"
+        quality+=", '$work/curve$number' using 1:3 $look title ' '"
     done <<<"$keys"
     most="$(awk -F, 'NR > 1 && $5 > m { m = $5 } END { print m }' "$name.csv")"
     gnuplot <<EOF
-set terminal svg size 900,480 font 'sans-serif,14' background '#ffffff'
+set terminal svg size 960,520 noenhanced font 'sans-serif,14' background '#ffffff'
 set output '$name.svg'
 set multiplot layout 1,2 title '$title'
 set grid linecolor '#dddddd'
-set key top left reverse Left
+set key below left reverse Left vertical maxrows 4 samplen 2
 set logscale xy 2
 set xrange [0.9:$most*1.1]
+set format x '%.0f'
 set xlabel 'cores'
 set ylabel 'speed-up'
-plot [1:$most] x with lines dashtype 2 linecolor '#888888' title 'ideal'$curves
+plot x with lines dashtype 2 linecolor '#888888' title 'ideal'$curves
 unset logscale y
 set ylabel 'parallel efficiency'
 set yrange [0:1.2]
-plot 1 with lines dashtype 2 linecolor '#888888' notitle$quality
+plot 1 with lines dashtype 2 linecolor '#888888' title ' '$quality
 unset multiplot
 EOF
     say "wrote $name.csv and $name.svg"

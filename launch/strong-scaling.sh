@@ -24,18 +24,13 @@ done
 # shellcheck source=launch/measure.sh
 . "$here/measure.sh"
 
+name=strong-scaling
 read -r -a combos <<<"${COMBOS:-$(combinations)}"
-read -r -a ours <<<"${OURS:-}"
 cases=("$@")
 [ $# -gt 0 ] || read -r -a cases <<<"${SIZES:-200 20000}"
-work="$(mktemp -d "$PWD/strong-scaling.XXXXXX")" # in a folder that all nodes of a cluster see
-trap 'rm -rf "$work"' EXIT
+start "$name"
 
-name=strong-scaling
-echo "case,particles,ranks,threads,turn,wall_s,user_s,solver_s,rhs_evaluations,digest,load" >"$name-runs.csv"
-echo "case,particles,ranks,threads,cores,repeats,wall_s,user_s,solver_s,rhs_evaluations,speedup,efficiency,digest,load_before,load_after" \
-    >"$name.csv"
-say "combinations ${combos[*]}; $("$demhybrid" --version | sed -n 1p); $(processor); load $(load)"
+options_of() { :; } # the same for all
 
 for case in "${cases[@]}"; do
     if [ $# -gt 0 ]; then
@@ -47,9 +42,9 @@ for case in "${cases[@]}"; do
         scene="$bed_toml"
         seconds="$(resting_time "$case")"
         options+=(--set "t_end=$seconds" --set "output.interval=$seconds")
-        case="bed-$case"
+        case="$case-spheres"
     fi
-    race_combinations "$case" "$name" "$scene" "${options[@]}" "${ours[@]}"
+    race_combinations "$case" "$name" "$scene"
     one_digest "$name" "$case"
     summarise "$name" "$case"
 done
