@@ -54,7 +54,7 @@ lammps() { # DECK STEPS DT VARIABLES...
 }
 liggghts() { # STEPS DT VARIABLES...
     evaluations="$1"
-    timed "$work/log" "${core[@]}" "$liggghts" -in "$peers/liggghts-hertz.in" -log none -var data "$work/data" \
+    timed "$work/log" "${core[@]}" "$liggghts" -in "$peers/liggghts-hertz.in" -log "$work/peer.log" -var data "$work/data" \
         -var lx "$lx" -var ly "$ly" -var steps "$1" -var dt "$2" -var last "$work/last" "${@:3}"
     # It ends with 0 after an error.
     ! grep '^ERROR' "$work/log" >&2 || die "failed: LIGGGHTS"

@@ -331,25 +331,30 @@ plot() {
             >"$work/curve$number"
         local look="with linespoints linewidth 2 pointtype $((number + 3)) linecolor $number"
         curves+=", '$work/curve$number' using 1:2 $look title '$key, $threads thread$([ "$threads" = 1 ] || echo s) a rank'"
-        quality+=", '$work/curve$number' using 1:3 $look title ' '"
+        quality+=", '$work/curve$number' using 1:3 $look notitle"
     done <<<"$keys"
     most="$(awk -F, 'NR > 1 && $5 > m { m = $5 } END { print m }' "$name.csv")"
+    # The key has a row for every two curves, below the plots.
+    local rows=$(((number + 2) / 2)) height bottom
+    height=$((470 + 24 * rows))
+    bottom="$(awk -v h="$height" -v r="$rows" 'BEGIN { print (60 + 24 * r) / h }')"
     gnuplot <<EOF
-set terminal svg size 960,520 noenhanced font 'sans-serif,14' background '#ffffff'
+set terminal svg size 960,$height noenhanced font 'sans-serif,14' background '#ffffff'
 set output '$name.svg'
-set multiplot layout 1,2 title '$title'
+set multiplot layout 1,2 title '$title' margins 0.1,0.98,$bottom,0.92 spacing 0.1,0
 set grid linecolor '#dddddd'
-set key below left reverse Left vertical maxrows 4 samplen 2
+set key at screen 0.1,screen 0.01 bottom left reverse Left maxrows $rows samplen 2
 set logscale xy 2
-set xrange [0.9:$most*1.1]
 set format x '%.0f'
+set xrange [0.9:$most*1.1]
 set xlabel 'cores'
 set ylabel 'speed-up'
 plot x with lines dashtype 2 linecolor '#888888' title 'ideal'$curves
+unset key
 unset logscale y
 set ylabel 'parallel efficiency'
 set yrange [0:1.2]
-plot 1 with lines dashtype 2 linecolor '#888888' title ' '$quality
+plot 1 with lines dashtype 2 linecolor '#888888' notitle$quality
 unset multiplot
 EOF
     say "wrote $name.csv and $name.svg"

@@ -42,7 +42,7 @@ for case in "${cases[@]}"; do
         scene="$bed_toml"
         seconds="$(resting_time "$case")"
         options+=(--set "t_end=$seconds" --set "output.interval=$seconds")
-        case="$case-spheres"
+        case="$case spheres"
     fi
     race_combinations "$case" "$name" "$scene"
     one_digest "$name" "$case"

@@ -41,7 +41,7 @@ options_of() {
     from_file "$csv"
     options+=(--set "t_end=$seconds" --set "output.interval=$seconds")
 }
-case="$each-a-rank"
+case="$each spheres a rank"
 race_combinations "$case" "$name" "$bed_toml"
 for ranks in "${numbers[@]}"; do
     one_digest "$name" "$case" "$ranks"
