@@ -1,17 +1,16 @@
 # shellcheck shell=bash
 # What strong-scaling.sh, weak-scaling.sh and compare-peers.sh share; sourced by them. Sets `project`, `python`,
 # `demhybrid`, and the functions below. Everything that is written goes to the working folder.
-# Under sbatch the script runs from a copy elsewhere, so the project is looked for where the job was submitted too.
-for project in "$(dirname "${BASH_SOURCE[0]}")/.." "${SLURM_SUBMIT_DIR:-}" "${SLURM_SUBMIT_DIR:-}/.."; do
-    [ -f "$project/benches/peers/bed.toml" ] && break
-done
-project="$(cd "$project" && pwd)"
+project="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 bed_py="$project/benches/peers/bed.py"
 bed_toml="$project/benches/peers/bed.toml"
 beds="${BEDS:-$PWD/beds}" # settled beds, made once and kept
 
+self="$(basename "$0" .sh)"
+[ "$self" != slurm_script ] || self="${SLURM_JOB_NAME:-$self}" # the name that sbatch gives its copy
+
 say() {
-    printf '%s: %s\n' "$(basename "$0" .sh)" "$*" >&2
+    printf '%s: %s\n' "$self" "$*" >&2
 }
 
 die() {

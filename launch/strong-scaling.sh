@@ -18,9 +18,14 @@
 #   BEDS=./beds                  where settled beds are kept
 #   LAUNCHER="mpirun -n {ranks}" what starts ranks; under Slurm srun, with SRUN_OPTIONS="--mpi=pmix" or what your site wants
 set -euo pipefail
-for here in "$(dirname "${BASH_SOURCE[0]}")" "${SLURM_SUBMIT_DIR:-}/launch" "${SLURM_SUBMIT_DIR:-}"; do
+# sbatch runs a copy of this file: the project is where the job was submitted, or DEMHYBRID_PROJECT.
+for here in "$(dirname "${BASH_SOURCE[0]}")" "${SLURM_SUBMIT_DIR:-}/launch" "${SLURM_SUBMIT_DIR:-}" "${DEMHYBRID_PROJECT:-}/launch"; do
     [ ! -f "$here/measure.sh" ] || break
 done
+[ -f "$here/measure.sh" ] || {
+    echo "submit this from the folder of the project (with sbatch --chdir for the results), or set DEMHYBRID_PROJECT" >&2
+    exit 1
+}
 # shellcheck source=launch/measure.sh
 . "$here/measure.sh"
 

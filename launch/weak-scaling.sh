@@ -17,9 +17,14 @@
 #   THREADS=1                    threads of each rank (SLURM_CPUS_PER_TASK under Slurm)
 #   REPEATS, OURS, BEDS, LAUNCHER, SRUN_OPTIONS   as for strong-scaling.sh
 set -euo pipefail
-for here in "$(dirname "${BASH_SOURCE[0]}")" "${SLURM_SUBMIT_DIR:-}/launch" "${SLURM_SUBMIT_DIR:-}"; do
+# sbatch runs a copy of this file: the project is where the job was submitted, or DEMHYBRID_PROJECT.
+for here in "$(dirname "${BASH_SOURCE[0]}")" "${SLURM_SUBMIT_DIR:-}/launch" "${SLURM_SUBMIT_DIR:-}" "${DEMHYBRID_PROJECT:-}/launch"; do
     [ ! -f "$here/measure.sh" ] || break
 done
+[ -f "$here/measure.sh" ] || {
+    echo "submit this from the folder of the project (with sbatch --chdir for the results), or set DEMHYBRID_PROJECT" >&2
+    exit 1
+}
 # shellcheck source=launch/measure.sh
 . "$here/measure.sh"
 
