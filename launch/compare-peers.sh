@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs demhybrid, LAMMPS and LIGGGHTS by turns on one core and prints medians and ratios of user time.
 #   QUICK=1 launch/compare-peers.sh      minutes: N = 2 000 at rest, N = 200 falling, once
-#   launch/compare-peers.sh              all of it, five times: most of a day
+#   launch/compare-peers.sh              all of it, five times: some hours
 # throughput: N spheres lie in a settled bed of demhybrid's. Particle evaluations per second are N x right-hand sides
 #   (ours) or N x time steps (theirs) over the user time of the whole process, start to end.
 # settle: N spheres fall and come to rest, 8 s, from the same start. Ours writes a frame every 0.08 s, the others one.
