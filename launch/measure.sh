@@ -243,6 +243,9 @@ start() {
     echo "case,particles,ranks,threads,cores,repeats,wall_s,user_s,solver_s,rhs_evaluations,speedup,efficiency,digest,load_before,load_after" \
         >"$1.csv"
     say "ranks x threads ${combos[*]}; $("$demhybrid" --version | sed -n 1p); $(processor); load $(load)"
+    if load | awk '{ exit !($1 > 0.5) }'; then
+        say "this machine is busy: on cores that others use too, speed-up means nothing"
+    fi
 }
 
 # Runs demhybrid once: sets wall, user (of all ranks), solver (its own wall time), rhs, digest, particles.
