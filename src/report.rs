@@ -1,16 +1,14 @@
 //! What the program says: the plan of a dry run, the progress, the closing summary.
 
-use crate::contact::{Elastic, Frictionless};
 use crate::container::{described_walls, short};
 use crate::domain::{Comm, rows, slabs::Slabs};
-use crate::dynamics::{Dynamics, SKIN};
+use crate::dynamics::SKIN;
 use crate::effects::Effects;
 use crate::launch;
-use crate::ode::{Chebyshev, DORMAND_PRINCE, Limit, Losses, MERSON, Method, RungeKutta, Verlet};
+use crate::ode::{Limit, Losses};
 use crate::output::size;
-use crate::particle::Locked;
 use crate::scene::{PAPER_NORM, Scene};
-use crate::simulation::{Counts, Frame, Outcome, tightening};
+use crate::simulation::{Counts, Frame, Outcome, state_vectors, tightening};
 use crate::start::{self, Start};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
@@ -74,32 +72,12 @@ pub fn overlap_warning(scene: &Scene, overlap: f64) -> Option<String> {
 /// Memory of the start of one particle, which every rank holds for all, bytes.
 pub const START_BYTES: u64 = 72;
 
-/// State vectors that every step holds, whatever the method: the last accepted state, its slope and the stiffest
-/// direction; the result of a trial and its slope.
-const STEP_VECTORS: usize = 5;
-
-/// State vectors of a run: those of every step, and those of the method. `auto` may come to hold both of its methods.
-fn state_vectors(method: &str) -> usize {
-    // What a method holds does not depend on the problem.
-    type Problem = Dynamics<'static, Elastic, Frictionless, Locked>;
-    let of = |method: &dyn Method<Problem>| method.vectors();
-    let (dormand_prince, chebyshev) =
-        (|| of(&RungeKutta::new(&DORMAND_PRINCE)), || of(&Chebyshev::default()));
-    STEP_VECTORS
-        + match method {
-            "merson" => of(&RungeKutta::new(&MERSON)),
-            "dormand-prince" => dormand_prince(),
-            "chebyshev" => chebyshev(),
-            "velocity-verlet" => of(&Verlet::default()),
-            _ => dormand_prince() + chebyshev(),
-        }
-}
-
 /// Memory of the solver for one particle, bytes, about: states, slopes, lists and pair forces in a packed bed.
 pub fn bytes_per_particle(scene: &Scene) -> u64 {
     let components = if scene.rotates() { 9.0 } else { 6.0 };
     let action = if scene.rotates() { 48.0 } else { 24.0 };
-    let states = state_vectors(&scene.solver.method) as f64 * 8.0 * components + 2.0 * 24.0 + 8.0;
+    // Those of the method, and the one that forces are evaluated at; two old places and an id.
+    let states = (state_vectors(scene) + 1) as f64 * 8.0 * components + 2.0 * 24.0 + 8.0;
     let lists = LISTED_PAIRS * (8.0 + action + 2.0 * 4.0) + 16.0;
     (states + lists) as u64
 }
@@ -578,15 +556,22 @@ mod tests {
 
     #[test]
     fn memory_is_counted_for_the_method_that_will_run() {
-        // Slopes and stage of the tables; stages and a direction's of Chebyshev; a half step of Verlet; beside the five
-        // vectors of every step, of nine numbers each.
+        // State and slope at both ends of a step; slopes of tables, two changes and a direction of Chebyshev.
+        let of = |method: &str| {
+            let step = if method == "velocity-verlet" { "step = 1e-5" } else { "" };
+            scene_with_solver(&format!("method = '{method}'\n{step}"))
+        };
         for (method, vectors) in
-            [("merson", 5), ("dormand-prince", 7), ("chebyshev", 7), ("velocity-verlet", 1), ("auto", 14)]
+            [("merson", 6), ("dormand-prince", 8), ("chebyshev", 7), ("velocity-verlet", 4), ("auto", 7)]
         {
-            assert_eq!(state_vectors(method), 5 + vectors, "{method}");
+            assert_eq!(state_vectors(&of(method)), vectors, "{method}");
         }
-        let of = |method: &str| bytes_per_particle(&scene_with_solver(&format!("method = '{method}'")));
-        assert_eq!(of("auto") - of("chebyshev"), 7 * 72);
+        let smooth = Scene { friction: None, ..of("auto") };
+        assert_eq!(state_vectors(&smooth), 9);
+        let elastic = scene_with_solver("method = 'auto'").contact;
+        let elastic = crate::scene::Contact { restitution: 1.0, ..elastic };
+        assert_eq!(state_vectors(&Scene { contact: elastic, ..smooth }), 8);
+        assert_eq!(bytes_per_particle(&of("auto")) - bytes_per_particle(&of("merson")), 72);
     }
 
     #[test]

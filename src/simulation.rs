@@ -1,6 +1,6 @@
 //! The driver: takes steps until the end of the scene, and frames on the way.
 
-use crate::contact::{Law, Rebound, Tangential};
+use crate::contact::{Elastic, Frictionless, Law, Rebound, Tangential};
 use crate::domain::{Comm, rows};
 use crate::dynamics::{Clocks, Dynamics};
 use crate::effects::{self, Effects, Variant};
@@ -263,8 +263,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
                 output_seconds += clock.elapsed().as_secs_f64();
                 Ok(())
             };
-        let first = self.anchor.y.clone();
+        let first = std::mem::take(&mut self.anchor.y);
         show(&mut self, 0.0, &first, [0.0; 2])?;
+        self.anchor.y = first;
         let mut frame = 1;
         'steps: loop {
             let step = self.find_step()?;
@@ -327,7 +328,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     /// Tries steps from the last accepted state until one can stand; its result is in `trial`. Collective.
     fn find_step(&mut self) -> Result<Step, Error> {
         loop {
-            self.counts.rhs += self.integrator.prepare(&mut self.dynamics, &mut self.anchor);
+            self.counts.rhs += self.integrator.prepare(&mut self.dynamics, &mut self.anchor, &mut self.trial);
             let (mut h, mut limit) = (self.h, self.limit);
             let stable = self.integrator.stable_step();
             let mut cut = |most: f64, by: Limit| {
@@ -393,14 +394,16 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             });
             return Some((state, lost));
         }
-        let step = std::mem::take(&mut self.trial);
+        let step = (std::mem::take(&mut self.trial.next), self.trial.lost);
         let verdict = self.attempt(share * h);
-        let aside = std::mem::replace(&mut self.trial, step);
+        let (state, lost) = (std::mem::replace(&mut self.trial.next, step.0), self.trial.lost);
+        // The slope at the end of the step was not put aside.
+        (self.trial.lost, self.trial.slope_known) = (step.1, false);
         if !verdict.covered && !self.dynamics.lists_are_fresh() {
             return None;
         }
         if verdict.covered && verdict.error < f64::INFINITY {
-            return Some((aside.next, aside.lost));
+            return Some((state, lost));
         }
         // The frame's stages meet something that those of the step did not, such as two centres that pass through each
         // other at this very moment: the parabola through the start, its slope and the result of the step is finite.
@@ -539,8 +542,6 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     }
 
     fn outcome(&self, output_seconds: f64, largest_overlap: f64) -> Outcome {
-        // Anchor: state, slope and direction; trial: result and slope.
-        let states = self.anchor.y.capacity() * (self.integrator.vectors() + 5);
         Outcome {
             counts: self.counts,
             clocks: self.dynamics.clocks,
@@ -548,7 +549,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             seconds: self.started.elapsed().as_secs_f64(),
             largest_overlap,
             choice: self.integrator.report(),
-            bytes: self.dynamics.bytes() + states * size_of::<Motion<W>>(),
+            bytes: self.dynamics.bytes() + self.anchor.bytes() + self.trial.bytes(),
             ghosts: self.dynamics.ghosts(),
         }
     }
@@ -569,6 +570,13 @@ fn error_control(scene: &Scene, scale: f64) -> (Norm, StepControl) {
         }
     };
     (norm, control)
+}
+
+/// State vectors that the methods of the scene need at most.
+pub fn state_vectors(scene: &Scene) -> usize {
+    /// What a method needs does not depend on the problem.
+    type Problem = Dynamics<'static, Elastic, Frictionless, Locked>;
+    Integrator::<Problem>::new(scene).vectors()
 }
 
 /// By how much `auto` tightens the tolerance where the motion is smooth: there two more digits cost about twice the work,

@@ -17,6 +17,9 @@ pub const DAMPING: f64 = 2.0 / 13.0;
 /// Stages of one step at most: beyond, round-off grows as their square.
 pub const MOST_STAGES: usize = 1000;
 
+/// State vectors beside the state and the slope at both ends of a step: the changes since its start at the last two stages.
+const CHANGES: usize = 2;
+
 /// Coefficients of one stage, in terms of the change D since the start of the step:
 /// D_j = mu D_{j-1} + nu D_{j-2} + h (mu~ F_{j-1} + gamma~ F_0).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,80 +48,80 @@ pub fn stages_for(z: f64) -> usize {
     (s as usize).clamp(2, MOST_STAGES + 1)
 }
 
-/// The coefficients of stages 1..=s.
-pub fn stages(s: usize) -> Vec<Stage> {
+/// Puts the coefficients of stages 1..=s, s >= 2, into `table`.
+pub fn tabulate(s: usize, table: &mut Vec<Stage>) {
     let w0 = 1.0 + DAMPING / (s * s) as f64;
-    // T_j(w0) and its first two derivatives.
-    let mut t = vec![[1.0, 0.0, 0.0], [w0, 1.0, 0.0]];
-    for j in 2..=s {
-        let (a, b): ([f64; 3], [f64; 3]) = (t[j - 1], t[j - 2]);
-        t.push([
+    // T_{j-2} and T_{j-1} at w0, each with its first two derivatives, become T_{j-1} and T_j.
+    let next = |[b, a]: [[f64; 3]; 2]| {
+        let t = [
             2.0 * w0 * a[0] - b[0],
             2.0 * a[0] + 2.0 * w0 * a[1] - b[1],
             4.0 * a[1] + 2.0 * w0 * a[2] - b[2],
-        ]);
-    }
-    let w1 = t[s][1] / t[s][2];
-    let b = |j: usize| {
-        let j = j.max(2);
-        t[j][2] / (t[j][1] * t[j][1])
+        ];
+        [a, t]
     };
-    let a = |j: usize| 1.0 - b(j) * t[j][0];
-    let c = |j: usize| if j == 1 { w1 * t[2][2] / t[2][1] / (4.0 * w0) } else { w1 * t[j][2] / t[j][1] };
-    let mut stages = vec![Stage { mu: 0.0, nu: 0.0, mu_slope: b(1) * w1, gamma: 0.0, c: c(1) }];
-    for j in 2..=s {
-        let mu_slope = 2.0 * b(j) * w1 / b(j - 1);
-        stages.push(Stage {
-            mu: 2.0 * b(j) * w0 / b(j - 1),
-            nu: -b(j) / b(j - 2),
+    let first = [[1.0, 0.0, 0.0], [w0, 1.0, 0.0]];
+    let [_, second] = next(first);
+    let [_, last] = (2..=s).fold(first, |pair, _| next(pair));
+    let w1 = last[1] / last[2];
+    let weight = |t: &[f64; 3]| t[2] / (t[1] * t[1]);
+    // b_{j-2} and b_{j-1}; b_0 = b_1 = b_2.
+    let mut b = [weight(&second); 2];
+    table.clear();
+    table.push(Stage {
+        mu: 0.0,
+        nu: 0.0,
+        mu_slope: b[1] * w1,
+        gamma: 0.0,
+        c: w1 * second[2] / second[1] / (4.0 * w0),
+    });
+    let mut pair = first;
+    for _ in 2..=s {
+        let a = 1.0 - b[1] * pair[1][0];
+        pair = next(pair);
+        let t = &pair[1];
+        let own = weight(t);
+        let mu_slope = 2.0 * own * w1 / b[1];
+        table.push(Stage {
+            mu: 2.0 * own * w0 / b[1],
+            nu: -own / b[0],
             mu_slope,
-            gamma: -a(j - 1) * mu_slope,
-            c: c(j),
+            gamma: -a * mu_slope,
+            c: w1 * t[2] / t[1],
         });
+        b = [b[1], own];
     }
-    stages
 }
 
-/// The method and its scratch.
-pub struct Chebyshev<S> {
+/// The method.
+pub struct Chebyshev {
     /// Estimate of the spectral radius.
-    pub radius: SpectralRadius<S>,
+    pub radius: SpectralRadius,
+    /// Coefficients of the stages of the last step; has room for the most.
     table: Vec<Stage>,
-    /// Changes since the start of the step at the last two stages.
-    change: Vec<S>,
-    before: Vec<S>,
-    stage: Vec<S>,
-    slope: Vec<S>,
 }
 
-impl<S: Linear> Chebyshev<S> {
+impl Chebyshev {
     /// Estimate of the local error of particle `i`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
     #[inline(always)]
-    fn error(i: usize, h: f64, norm: &Norm, anchor: &Anchor<S>, trial: (&[S], &[S])) -> f64 {
+    fn error<S: Linear>(i: usize, h: f64, norm: &Norm, anchor: &Anchor<S>, trial: &Trial<S>) -> f64 {
         let mut error = S::zero();
         error.add_scaled(0.8, &anchor.y[i]);
-        error.add_scaled(-0.8, &trial.0[i]);
+        error.add_scaled(-0.8, &trial.next[i]);
         error.add_scaled(0.4 * h, &anchor.slope[i]);
-        error.add_scaled(0.4 * h, &trial.1[i]);
+        error.add_scaled(0.4 * h, &trial.slope[i]);
         let scale = if norm.rate { 3.0 / h } else { 1.0 };
         scale * error.magnitude(&norm.weights)
     }
 }
 
-impl<S: Linear> Default for Chebyshev<S> {
+impl Default for Chebyshev {
     fn default() -> Self {
-        Chebyshev {
-            radius: SpectralRadius::default(),
-            table: Vec::new(),
-            change: Vec::new(),
-            before: Vec::new(),
-            stage: Vec::new(),
-            slope: Vec::new(),
-        }
+        Chebyshev { radius: SpectralRadius::default(), table: Vec::with_capacity(MOST_STAGES) }
     }
 }
 
-impl<P: Ivp> Method<P> for Chebyshev<P::State> {
+impl<P: Ivp> Method<P> for Chebyshev {
     fn name(&self) -> &'static str {
         "chebyshev"
     }
@@ -127,14 +130,24 @@ impl<P: Ivp> Method<P> for Chebyshev<P::State> {
         3.0
     }
 
-    fn stable_step(&mut self, ivp: &mut P, anchor: &mut Anchor<P::State>) -> (f64, u64) {
-        let (bound, evaluations) = self.spectral_bound(ivp, anchor);
+    fn stable_step(
+        &mut self,
+        ivp: &mut P,
+        anchor: &mut Anchor<P::State>,
+        trial: &mut Trial<P::State>,
+    ) -> (f64, u64) {
+        let (bound, evaluations) = self.spectral_bound(ivp, anchor, trial);
         (real_stability(MOST_STAGES) / bound, evaluations)
     }
 
-    fn spectral_bound(&mut self, ivp: &mut P, anchor: &mut Anchor<P::State>) -> (f64, u64) {
+    fn spectral_bound(
+        &mut self,
+        ivp: &mut P,
+        anchor: &mut Anchor<P::State>,
+        trial: &mut Trial<P::State>,
+    ) -> (f64, u64) {
         ivp.begin(&anchor.y);
-        let evaluations = anchor.find_slope(ivp) + self.radius.update(ivp, anchor);
+        let evaluations = anchor.find_slope(ivp) + self.radius.update(ivp, anchor, trial);
         (self.radius.bound(), evaluations)
     }
 
@@ -151,23 +164,22 @@ impl<P: Ivp> Method<P> for Chebyshev<P::State> {
         trial: &mut Trial<P::State>,
     ) -> Verdict {
         let n = anchor.y.len();
-        trial.reset(n);
-        for buffer in [&mut self.change, &mut self.before, &mut self.stage, &mut self.slope] {
-            buffer.resize(n, P::State::zero());
-        }
+        trial.reset(n, CHANGES);
         ivp.begin(&anchor.y);
         trial.evaluations = anchor.find_slope(ivp);
         let s = stages_for(h * self.radius.bound()).min(MOST_STAGES);
         if s != self.table.len() {
-            self.table = stages(s);
+            tabulate(s, &mut self.table);
         }
         let (y, first) = (&anchor.y, &anchor.slope);
         let mut lost: [Losses; 2] = [[0.0; 2]; 2];
         let mut losses = anchor.losses;
         for (j, row) in self.table.iter().enumerate() {
-            // The oldest change gives its place to the new one.
-            std::mem::swap(&mut self.change, &mut self.before);
-            let (older, slope) = (&self.before, if j == 0 { first } else { &self.slope });
+            // The oldest change gives its place to the new one, the last slope and stage to the next: what they are made
+            // of is at the same index.
+            trial.stages.swap(0, 1);
+            let [change, before, ..] = &mut trial.stages[..] else { unreachable!("there is room for two") };
+            let (older, slope) = (&*before, if j == 0 { first } else { &trial.slope });
             let advance = |start: usize, changes: &mut [P::State], stages: &mut [P::State]| {
                 for (k, (change, stage)) in changes.iter_mut().zip(stages).enumerate() {
                     let i = start + k;
@@ -185,8 +197,7 @@ impl<P: Ivp> Method<P> for Chebyshev<P::State> {
                     stage.add_scaled(1.0, &sum);
                 }
             };
-            let mut stage = std::mem::take(&mut self.stage);
-            parallel::for_chunk_pairs(&mut self.change, &mut stage, GRAIN, advance);
+            parallel::for_chunk_pairs(change, &mut trial.next, GRAIN, advance);
             let mut sum = [0.0; 2];
             if j > 0 {
                 add_losses(&mut sum, row.mu, &lost[0]);
@@ -195,16 +206,12 @@ impl<P: Ivp> Method<P> for Chebyshev<P::State> {
             }
             add_losses(&mut sum, h * row.mu_slope, &losses);
             lost = [sum, lost[0]];
-            let slope = if j + 1 == s { &mut trial.slope } else { &mut self.slope };
-            ivp.rhs(anchor.t + row.c * h, &stage, slope);
+            ivp.rhs(anchor.t + row.c * h, &trial.next, &mut trial.slope);
             losses = ivp.losses();
             trial.evaluations += 1;
-            self.stage = stage;
         }
-        trial.next.copy_from_slice(&self.stage);
         (trial.slope_known, trial.losses, trial.lost) = (true, losses, lost[0]);
-        let result = (&trial.next[..], &trial.slope[..]);
-        let error = parallel::fold(n, GRAIN, |i| Self::error(i, h, norm, anchor, result), 0.0, larger);
+        let error = parallel::fold(n, GRAIN, |i| Self::error(i, h, norm, anchor, trial), 0.0, larger);
         ivp.agree(error, &trial.next)
     }
 
@@ -236,10 +243,10 @@ impl<P: Ivp> Method<P> for Chebyshev<P::State> {
         anchor: &Anchor<P::State>,
         trial: &Trial<P::State>,
     ) -> f64 {
-        Self::error(i, h, norm, anchor, (&trial.next, &trial.slope))
+        Self::error(i, h, norm, anchor, trial)
     }
 
-    fn vectors(&self) -> usize {
-        4 + self.radius.vectors()
+    fn stages(&self) -> usize {
+        CHANGES
     }
 }

@@ -133,21 +133,29 @@ impl<S: Linear> Anchor<S> {
         if self.slope_known {
             return 0;
         }
-        self.slope.resize(self.y.len(), S::zero());
+        fit(&mut self.slope, self.y.len());
         ivp.rhs(self.t, &self.y, &mut self.slope);
         self.losses = ivp.losses();
         self.slope_known = true;
         1
     }
+
+    /// Memory held for states, bytes.
+    pub fn bytes(&self) -> usize {
+        [&self.y, &self.slope, &self.direction].map(Vec::capacity).iter().sum::<usize>() * size_of::<S>()
+    }
 }
 
-/// The result of a trial step.
+/// The result of a trial step, and the room in which it is worked out. Between two trials that room serves whatever asks
+/// for right-hand sides: there is one for all methods, of which one is at work at a time.
 #[derive(Debug, Clone)]
 pub struct Trial<S> {
-    /// State at its end.
+    /// State at its end; while the step is under way, the stage that is evaluated.
     pub next: Vec<S>,
-    /// f at its end, if the method knows it.
+    /// f at its end, if the method knows it; else a slope inside of the step.
     pub slope: Vec<S>,
+    /// What else the method keeps of the inside of the step: slopes or changes.
+    pub stages: Vec<Vec<S>>,
     /// Whether `slope` is f.
     pub slope_known: bool,
     /// Losses in `slope`, W.
@@ -163,6 +171,7 @@ impl<S> Default for Trial<S> {
         Trial {
             next: Vec::new(),
             slope: Vec::new(),
+            stages: Vec::new(),
             slope_known: false,
             losses: [0.0; 2],
             lost: [0.0; 2],
@@ -172,14 +181,35 @@ impl<S> Default for Trial<S> {
 }
 
 impl<S: Linear> Trial<S> {
-    /// Room for `n` particles.
-    fn reset(&mut self, n: usize) {
-        self.next.resize(n, S::zero());
-        self.slope.resize(n, S::zero());
+    /// Room for `n` particles, in `stages` vectors beside the result and its slope.
+    fn reset(&mut self, n: usize, stages: usize) {
+        if self.stages.len() < stages {
+            self.stages.resize_with(stages, Vec::new);
+        }
+        self.stages[..stages].iter_mut().for_each(|stage| fit(stage, n));
+        fit(&mut self.next, n);
+        fit(&mut self.slope, n);
         self.slope_known = false;
         self.lost = [0.0; 2];
         self.evaluations = 0;
     }
+
+    /// Memory held for states, bytes.
+    pub fn bytes(&self) -> usize {
+        let stages: usize = self.stages.iter().map(Vec::capacity).sum();
+        (self.next.capacity() + self.slope.capacity() + stages) * size_of::<S>()
+    }
+}
+
+/// Makes `vector` of length `n`, whatever it holds. Particles that arrive one by one must not double its memory, as
+/// `Vec::resize` would: where it grows it takes a sixteenth more than it needs.
+fn fit<S: Linear>(vector: &mut Vec<S>, n: usize) {
+    if n > vector.capacity() {
+        // What it held is of no use: let go of it before there is a second one.
+        *vector = Vec::new();
+        vector.reserve_exact(n + n / 16);
+    }
+    vector.resize(n, S::zero());
 }
 
 /// How the error of a step is measured.
@@ -209,12 +239,23 @@ pub trait Method<P: Ivp> {
     ) -> Verdict;
     /// The largest step (s) that is stable from `anchor`, as far as the method knows; infinite if its error tells.
     /// May evaluate right-hand sides, whose number it returns. Collective.
-    fn stable_step(&mut self, _ivp: &mut P, _anchor: &mut Anchor<P::State>) -> (f64, u64) {
+    /// `trial` lends its room and loses its result.
+    fn stable_step(
+        &mut self,
+        _ivp: &mut P,
+        _anchor: &mut Anchor<P::State>,
+        _trial: &mut Trial<P::State>,
+    ) -> (f64, u64) {
         (f64::INFINITY, 0)
     }
     /// Upper bound of the spectral radius at `anchor`, 1/s, and the right-hand sides that took; infinite if the method has
-    /// no estimate. Collective.
-    fn spectral_bound(&mut self, _ivp: &mut P, _anchor: &mut Anchor<P::State>) -> (f64, u64) {
+    /// no estimate. Collective. `trial` lends its room and loses its result.
+    fn spectral_bound(
+        &mut self,
+        _ivp: &mut P,
+        _anchor: &mut Anchor<P::State>,
+        _trial: &mut Trial<P::State>,
+    ) -> (f64, u64) {
         (f64::INFINITY, 0)
     }
     /// The last bound found, 1/s, if the method has an estimate.
@@ -244,8 +285,8 @@ pub trait Method<P: Ivp> {
         anchor: &Anchor<P::State>,
         trial: &Trial<P::State>,
     ) -> f64;
-    /// State vectors that the method holds beside anchor and trial.
-    fn vectors(&self) -> usize;
+    /// State vectors in [`Trial::stages`] that the method uses.
+    fn stages(&self) -> usize;
 }
 
 /// The cubic through the states and slopes at both ends of a step `h` (s), at a `share` of it.

@@ -3,51 +3,90 @@
 use super::{Anchor, Ivp, Linear, Losses, Method, Norm, Tableau, Trial, Verdict, add_losses, larger};
 use crate::parallel::{self, GRAIN};
 
-/// Slopes and stage of the owned particles for one table.
-pub struct RungeKutta<S> {
+/// Stages of a table at most.
+const MOST: usize = 7;
+
+/// Slopes of all stages by stage, that of stage 0 first. Where one has given its place to a later one, that is there
+/// instead; all its weights from there on are 0.
+type Slopes<'a, S> = [&'a [S]; MOST];
+
+/// The method of one table.
+pub struct RungeKutta {
     tableau: &'static Tableau,
-    /// Slopes of stages 1, 2, ...; that of stage 0 is the anchor's.
-    slopes: Vec<Vec<S>>,
+    /// Where the slopes of stages 1, 2, ... are kept.
+    places: Vec<usize>,
     losses: Vec<Losses>,
-    stage: Vec<S>,
 }
 
-impl<S: Linear> RungeKutta<S> {
-    /// For `tableau`; buffers follow the number of owned particles.
+impl RungeKutta {
+    /// For `tableau`.
     pub fn new(tableau: &'static Tableau) -> Self {
-        let rest = tableau.stages() - 1;
-        RungeKutta {
-            tableau,
-            slopes: vec![Vec::new(); rest],
-            losses: vec![[0.0; 2]; rest],
-            stage: Vec::new(),
-        }
+        RungeKutta { tableau, places: places(tableau), losses: vec![[0.0; 2]; tableau.stages() - 1] }
     }
 
-    /// The weighted sum of the slopes of particle `i`, times `h`.
+    /// The slopes of a trial whose vectors are `slope` and `stages`.
     #[inline(always)]
-    fn combine(&self, weights: &[f64], h: f64, first: &[S], i: usize) -> S {
-        let mut sum = S::zero();
-        if weights[0] != 0.0 {
-            sum.add_scaled(h * weights[0], &first[i]);
+    fn slopes<'a, S>(&self, first: &'a [S], slope: &'a [S], stages: &'a [Vec<S>]) -> Slopes<'a, S> {
+        let mut slopes: Slopes<'a, S> = [&[]; MOST];
+        slopes[0] = first;
+        for (slot, &place) in slopes[1..].iter_mut().zip(&self.places) {
+            *slot = if place == 0 { slope } else { &stages[place - 1] };
         }
-        for (weight, slope) in weights[1..].iter().zip(&self.slopes) {
-            if *weight != 0.0 {
-                sum.add_scaled(h * weight, &slope[i]);
-            }
-        }
-        sum
+        slopes
     }
 
     /// Error of particle `i` in the given norm.
     #[inline(always)]
-    fn error(&self, i: usize, h: f64, norm: &Norm, first: &[S]) -> f64 {
+    fn error<S: Linear>(&self, i: usize, h: f64, norm: &Norm, slopes: &Slopes<S>) -> f64 {
         let scale = if norm.rate { 1.0 } else { h / 3.0 };
-        self.combine(self.tableau.error, scale, first, i).magnitude(&norm.weights)
+        combine(self.tableau.error, scale, slopes, i).magnitude(&norm.weights)
     }
 }
 
-impl<P: Ivp> Method<P> for RungeKutta<P::State> {
+/// The weighted sum of the slopes of particle `i`, times `h`.
+#[inline(always)]
+fn combine<S: Linear>(weights: &[f64], h: f64, slopes: &Slopes<S>, i: usize) -> S {
+    let mut sum = S::zero();
+    for (weight, slope) in weights.iter().zip(slopes) {
+        if *weight != 0.0 {
+            sum.add_scaled(h * weight, &slope[i]);
+        }
+    }
+    sum
+}
+
+/// Where the slopes of stages 1, 2, ... of `tableau` are kept: 0 is the slope of the trial, k its `stages[k - 1]`. A slope
+/// that no later stage, nor result, error or dense output needs gives its place to the next one.
+fn places(tableau: &Tableau) -> Vec<usize> {
+    let end = tableau.stages();
+    // No weight of a dense output vanishes inside of the step unless it always does.
+    let inside = tableau.dense.map(|weights| weights(0.3));
+    let is_kept = |s: usize| {
+        tableau.b[s] != 0.0 || tableau.error[s] != 0.0 || inside.is_some_and(|weights| weights[s] != 0.0)
+    };
+    let last_use = |s: usize| {
+        if is_kept(s) { end } else { (s + 1..end).rev().find(|&t| tableau.a[t][s] != 0.0).unwrap_or(s) }
+    };
+    // The last stage that needs what is in a place. The slope of the trial waits for that of its end, if there is one.
+    let mut taken = vec![if tableau.first_same_as_last { end } else { 0 }];
+    let mut places = Vec::new();
+    for s in 1..end {
+        // When this slope comes its stage is already made.
+        let place = if tableau.first_same_as_last && s + 1 == end {
+            0
+        } else {
+            taken.iter().position(|&last| last <= s).unwrap_or(taken.len())
+        };
+        if place == taken.len() {
+            taken.push(end);
+        }
+        taken[place] = last_use(s);
+        places.push(place);
+    }
+    places
+}
+
+impl<P: Ivp> Method<P> for RungeKutta {
     fn name(&self) -> &'static str {
         self.tableau.name
     }
@@ -65,45 +104,48 @@ impl<P: Ivp> Method<P> for RungeKutta<P::State> {
         trial: &mut Trial<P::State>,
     ) -> Verdict {
         let n = anchor.y.len();
-        trial.reset(n);
-        self.stage.resize(n, P::State::zero());
-        self.slopes.iter_mut().for_each(|slope| slope.resize(n, P::State::zero()));
+        trial.reset(n, Method::<P>::stages(self));
         let table = self.tableau;
         ivp.begin(&anchor.y);
         trial.evaluations = anchor.find_slope(ivp);
         let (y, first) = (&anchor.y, &anchor.slope);
+        let Trial { next, slope, stages, .. } = &mut *trial;
         for s in 1..table.stages() {
-            let mut stage = std::mem::take(&mut self.stage);
-            parallel::for_chunks(&mut stage, GRAIN, |start, chunk| {
+            let slopes = self.slopes(first, slope, stages);
+            parallel::for_chunks(next, GRAIN, |start, chunk| {
                 for (k, stage) in chunk.iter_mut().enumerate() {
                     let i = start + k;
                     *stage = y[i];
-                    stage.add_scaled(1.0, &self.combine(table.a[s], h, first, i));
+                    stage.add_scaled(1.0, &combine(table.a[s], h, &slopes, i));
                 }
             });
-            ivp.rhs(anchor.t + table.c[s] * h, &stage, &mut self.slopes[s - 1]);
+            let place = self.places[s - 1];
+            ivp.rhs(anchor.t + table.c[s] * h, next, if place == 0 { slope } else { &mut stages[place - 1] });
             self.losses[s - 1] = ivp.losses();
-            trial.evaluations += 1;
-            self.stage = stage;
         }
-        let finish = |start: usize, chunk: &mut [P::State]| {
-            let mut worst = 0.0;
-            for (k, next) in chunk.iter_mut().enumerate() {
-                let i = start + k;
-                *next = y[i];
-                next.add_scaled(1.0, &self.combine(table.b, h, first, i));
-                worst = larger(worst, self.error(i, h, norm, first));
-            }
-            worst
+        let slopes = self.slopes(first, slope, stages);
+        let error = if table.first_same_as_last {
+            // The last stage is the result.
+            parallel::fold(n, GRAIN, |i| self.error(i, h, norm, &slopes), 0.0, larger)
+        } else {
+            let finish = |start: usize, chunk: &mut [P::State]| {
+                let mut worst = 0.0;
+                for (k, next) in chunk.iter_mut().enumerate() {
+                    let i = start + k;
+                    *next = y[i];
+                    next.add_scaled(1.0, &combine(table.b, h, &slopes, i));
+                    worst = larger(worst, self.error(i, h, norm, &slopes));
+                }
+                worst
+            };
+            parallel::chunks(next, GRAIN, finish, 0.0, larger)
         };
-        let error = parallel::chunks(&mut trial.next, GRAIN, finish, 0.0, larger);
+        trial.evaluations += table.stages() as u64 - 1;
         add_losses(&mut trial.lost, h * table.b[0], &anchor.losses);
         for (b, losses) in table.b[1..].iter().zip(&self.losses) {
             add_losses(&mut trial.lost, h * b, losses);
         }
         if table.first_same_as_last {
-            let last = self.slopes.last_mut().expect("a table has two stages at least");
-            trial.slope.copy_from_slice(last);
             trial.losses = *self.losses.last().expect("a table has two stages at least");
             trial.slope_known = true;
         }
@@ -119,12 +161,13 @@ impl<P: Ivp> Method<P> for RungeKutta<P::State> {
         share: f64,
         h: f64,
         anchor: &Anchor<P::State>,
-        _trial: &Trial<P::State>,
+        trial: &Trial<P::State>,
         i: usize,
     ) -> Option<P::State> {
         let weights = (self.tableau.dense?)(share);
         let mut state = anchor.y[i];
-        state.add_scaled(1.0, &self.combine(&weights, h, &anchor.slope, i));
+        let slopes = self.slopes(&anchor.slope, &trial.slope, &trial.stages);
+        state.add_scaled(1.0, &combine(&weights, h, &slopes, i));
         Some(state)
     }
 
@@ -134,12 +177,25 @@ impl<P: Ivp> Method<P> for RungeKutta<P::State> {
         h: f64,
         norm: &Norm,
         anchor: &Anchor<P::State>,
-        _trial: &Trial<P::State>,
+        trial: &Trial<P::State>,
     ) -> f64 {
-        self.error(i, h, norm, &anchor.slope)
+        self.error(i, h, norm, &self.slopes(&anchor.slope, &trial.slope, &trial.stages))
     }
 
-    fn vectors(&self) -> usize {
-        self.tableau.stages()
+    fn stages(&self) -> usize {
+        self.places.iter().copied().max().unwrap_or(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ode::{DORMAND_PRINCE, MERSON};
+
+    #[test]
+    fn slopes_share_places_where_none_is_needed_any_more() {
+        // Merson needs the slope of stage 1 for stage 2 alone; Dormand-Prince its own for stages 2 to 5.
+        assert_eq!(places(&MERSON), [0, 0, 1, 2]);
+        assert_eq!(places(&DORMAND_PRINCE), [1, 2, 3, 4, 1, 0]);
     }
 }

@@ -1,6 +1,6 @@
 //! How stiff the problem is at a state: the spectral radius of df/dy by a power iteration that needs f alone.
 
-use super::{Anchor, Ivp, Linear};
+use super::{Anchor, Ivp, Linear, Trial, fit};
 use crate::parallel::{self, GRAIN};
 
 /// The estimate is multiplied by this: a power iteration approaches from below. Damping allows for more, and a step that
@@ -16,7 +16,8 @@ const MOST: [u32; 2] = [3, 12];
 const MIXED_IN: f64 = 0.02;
 
 /// Estimate of the spectral radius along a run.
-pub struct SpectralRadius<S> {
+#[derive(Debug, Clone)]
+pub struct SpectralRadius {
     estimate: f64,
     /// Length of the image of a vector of length 1 in the last iteration, 1/s.
     stretch: f64,
@@ -24,27 +25,15 @@ pub struct SpectralRadius<S> {
     /// States that the last estimate served.
     served: u32,
     round: u64,
-    stage: Vec<S>,
-    slope: Vec<S>,
-    other: Vec<S>,
 }
 
-impl<S> Default for SpectralRadius<S> {
+impl Default for SpectralRadius {
     fn default() -> Self {
-        SpectralRadius {
-            estimate: 0.0,
-            stretch: 0.0,
-            doubted: true,
-            served: 0,
-            round: 0,
-            stage: Vec::new(),
-            slope: Vec::new(),
-            other: Vec::new(),
-        }
+        SpectralRadius { estimate: 0.0, stretch: 0.0, doubted: true, served: 0, round: 0 }
     }
 }
 
-impl<S: Linear> SpectralRadius<S> {
+impl SpectralRadius {
     /// Upper bound of the spectral radius, as far as it is known, 1/s.
     pub fn bound(&self) -> f64 {
         SAFETY * self.estimate
@@ -55,25 +44,24 @@ impl<S: Linear> SpectralRadius<S> {
         self.doubted = true;
     }
 
-    /// State vectors held.
-    pub fn vectors(&self) -> usize {
-        3
-    }
-
     /// Estimates at `anchor`, whose slope must be known, from the direction found so far, and improves that direction.
-    /// Returns the number of right-hand sides. Collective.
-    pub fn update<P: Ivp<State = S>>(&mut self, ivp: &mut P, anchor: &mut Anchor<S>) -> u64 {
+    /// Returns the number of right-hand sides. Collective. `trial` lends its room and loses its result.
+    pub fn update<P: Ivp>(
+        &mut self,
+        ivp: &mut P,
+        anchor: &mut Anchor<P::State>,
+        trial: &mut Trial<P::State>,
+    ) -> u64 {
         if !self.doubted && self.served < SHARED {
             self.served += 1;
             return 0;
         }
         self.served = 1;
-        let n = anchor.y.len();
-        self.stage.resize(n, S::zero());
-        self.slope.resize(n, S::zero());
+        fit(&mut trial.next, anchor.y.len());
+        fit(&mut trial.slope, anchor.y.len());
         // Without stiffness before, as in free flight, there is no direction to go on with.
         let careful = self.doubted || self.stretch == 0.0;
-        self.mix(ivp, &mut anchor.direction);
+        self.mix(ivp, &mut anchor.direction, &mut trial.next);
         anchor.direction_known = true;
         let mut evaluations = 0;
         for k in 0..MOST[usize::from(careful)] {
@@ -82,7 +70,7 @@ impl<S: Linear> SpectralRadius<S> {
                 (self.stretch, self.estimate) = (0.0, 0.0);
                 break;
             }
-            let found = self.apply(ivp, anchor, length);
+            let found = Self::apply(ivp, anchor, trial, length);
             evaluations += 1;
             let ratio = found / self.stretch;
             // Of an oscillation every other image is short: the mean of two tells.
@@ -99,19 +87,24 @@ impl<S: Linear> SpectralRadius<S> {
 
     /// Puts the image of the direction, divided by its `length`, in its place: the derivative of f along it.
     /// Returns the length of the image. Collective.
-    fn apply<P: Ivp<State = S>>(&mut self, ivp: &mut P, anchor: &mut Anchor<S>, length: f64) -> f64 {
+    fn apply<P: Ivp>(
+        ivp: &mut P,
+        anchor: &mut Anchor<P::State>,
+        trial: &mut Trial<P::State>,
+        length: f64,
+    ) -> f64 {
         let (small, direction, y) = (ivp.small_length(), &mut anchor.direction, &anchor.y);
-        parallel::for_chunks(&mut self.stage, GRAIN, |start, chunk| {
+        parallel::for_chunks(&mut trial.next, GRAIN, |start, chunk| {
             for (k, stage) in chunk.iter_mut().enumerate() {
                 *stage = y[start + k];
                 stage.add_scaled(small / length, &direction[start + k]);
             }
         });
-        ivp.rhs(anchor.t, &self.stage, &mut self.slope);
-        let (slope, first) = (&self.slope, &anchor.slope);
+        ivp.rhs(anchor.t, &trial.next, &mut trial.slope);
+        let (slope, first) = (&trial.slope, &anchor.slope);
         parallel::for_chunks(direction, GRAIN, |start, chunk| {
             for (k, direction) in chunk.iter_mut().enumerate() {
-                let mut image = S::zero();
+                let mut image = P::State::zero();
                 image.add_scaled(1.0 / small, &slope[start + k]);
                 image.add_scaled(-1.0 / small, &first[start + k]);
                 *direction = image;
@@ -120,15 +113,14 @@ impl<S: Linear> SpectralRadius<S> {
         ivp.length(direction)
     }
 
-    /// Adds a little of every direction to `direction`; all of it where there is none yet.
-    fn mix<P: Ivp<State = S>>(&mut self, ivp: &mut P, direction: &mut Vec<S>) {
+    /// Adds a little of every direction, made in `other`, to `direction`; all of it where there is none yet.
+    fn mix<P: Ivp>(&mut self, ivp: &mut P, direction: &mut Vec<P::State>, other: &mut Vec<P::State>) {
         self.round += 1;
-        ivp.any_direction(self.round, &mut self.other);
         if self.stretch == 0.0 {
-            std::mem::swap(direction, &mut self.other);
-            return;
+            return ivp.any_direction(self.round, direction);
         }
+        ivp.any_direction(self.round, other);
         let share = MIXED_IN * self.stretch;
-        direction.iter_mut().zip(&self.other).for_each(|(a, b)| a.add_scaled(share, b));
+        direction.iter_mut().zip(other).for_each(|(a, b)| a.add_scaled(share, b));
     }
 }

@@ -7,18 +7,11 @@
 use super::{Anchor, Ivp, Linear, Method, Norm, Trial, Verdict, add_losses, larger};
 use crate::parallel::{self, GRAIN};
 
-/// Velocities at the half step.
-pub struct Verlet<S> {
-    half: Vec<S>,
-}
+/// The method, which remembers nothing.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Verlet;
 
-impl<S: Linear> Default for Verlet<S> {
-    fn default() -> Self {
-        Verlet { half: Vec::new() }
-    }
-}
-
-impl<P: Ivp> Method<P> for Verlet<P::State> {
+impl<P: Ivp> Method<P> for Verlet {
     fn name(&self) -> &'static str {
         "velocity-verlet"
     }
@@ -35,29 +28,27 @@ impl<P: Ivp> Method<P> for Verlet<P::State> {
         _norm: &Norm,
         trial: &mut Trial<P::State>,
     ) -> Verdict {
-        let n = anchor.y.len();
-        trial.reset(n);
-        self.half.resize(n, P::State::zero());
+        trial.reset(anchor.y.len(), 0);
         ivp.begin(&anchor.y);
         trial.evaluations = anchor.find_slope(ivp);
         let (y, first) = (&anchor.y, &anchor.slope);
-        parallel::for_chunks(&mut self.half, GRAIN, |start, chunk| {
+        // New positions with the velocities of the half step, and then those of the whole.
+        parallel::for_chunks(&mut trial.next, GRAIN, |start, chunk| {
             for (k, half) in chunk.iter_mut().enumerate() {
                 *half = y[start + k];
                 half.kick(0.5 * h, &first[start + k]);
                 half.drift(h);
             }
         });
-        ivp.rhs(anchor.t + h, &self.half, &mut trial.slope);
+        ivp.rhs(anchor.t + h, &trial.next, &mut trial.slope);
         trial.evaluations += 1;
         (trial.slope_known, trial.losses) = (true, ivp.losses());
         add_losses(&mut trial.lost, 0.5 * h, &anchor.losses);
         add_losses(&mut trial.lost, 0.5 * h, &trial.losses);
-        let (half, slope) = (&self.half, &trial.slope);
+        let slope = &trial.slope;
         let finish = |start: usize, chunk: &mut [P::State]| {
             let mut worst = 0.0;
             for (k, next) in chunk.iter_mut().enumerate() {
-                *next = half[start + k];
                 next.kick(0.5 * h, &slope[start + k]);
                 worst = larger(worst, next.max_abs());
             }
@@ -102,7 +93,7 @@ impl<P: Ivp> Method<P> for Verlet<P::State> {
         trial.next[i].max_abs()
     }
 
-    fn vectors(&self) -> usize {
-        1
+    fn stages(&self) -> usize {
+        0
     }
 }

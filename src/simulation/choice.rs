@@ -75,6 +75,11 @@ impl Choice {
         Choice { fixed: true, ..self }
     }
 
+    /// Whether it will never change.
+    pub fn is_final(&self) -> bool {
+        self.fixed
+    }
+
     /// Right-hand sides of a step of the explicit method.
     fn explicit_cost(&self) -> f64 {
         (self.explicit.stages() - usize::from(self.explicit.first_same_as_last)) as f64

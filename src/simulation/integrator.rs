@@ -26,8 +26,8 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         match scene.solver.method.as_str() {
             "merson" => fixed(Box::new(RungeKutta::new(&MERSON))),
             "dormand-prince" => fixed(Box::new(RungeKutta::new(&DORMAND_PRINCE))),
-            "velocity-verlet" => fixed(Box::<Verlet<P::State>>::default()),
-            "chebyshev" => fixed(Box::<Chebyshev<P::State>>::default()),
+            "velocity-verlet" => fixed(Box::new(Verlet)),
+            "chebyshev" => fixed(Box::<Chebyshev>::default()),
             _ => Self::auto(scene),
         }
     }
@@ -41,7 +41,7 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         let table = |table| Box::new(RungeKutta::new(table)) as Box<dyn Method<P> + 'c>;
         let start = |active, choice| Integrator {
             active,
-            resting: Some((Box::<Chebyshev<P::State>>::default() as Box<dyn Method<P> + 'c>, choice)),
+            resting: Some((Box::<Chebyshev>::default() as Box<dyn Method<P> + 'c>, choice)),
             stable: None,
             spent: 0,
         };
@@ -56,8 +56,13 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
     }
 
     /// To be called before a trial: finds out what is stable from `anchor`, and changes the method where that pays. Returns
-    /// the right-hand sides that took. Collective.
-    pub fn prepare(&mut self, ivp: &mut P, anchor: &mut Anchor<P::State>) -> u64 {
+    /// the right-hand sides that took. `trial` lends its room and loses its result. Collective.
+    pub fn prepare(
+        &mut self,
+        ivp: &mut P,
+        anchor: &mut Anchor<P::State>,
+        trial: &mut Trial<P::State>,
+    ) -> u64 {
         if self.stable.is_some() {
             return 0;
         }
@@ -66,7 +71,7 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         if let Some((resting, choice)) = &mut self.resting {
             if choice.wants_stiffness() {
                 let bound;
-                (bound, evaluations) = resting.spectral_bound(ivp, anchor);
+                (bound, evaluations) = resting.spectral_bound(ivp, anchor, trial);
                 choice.learn(bound);
             }
             if let Some(limit) = choice.change() {
@@ -74,7 +79,7 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
                 cap = limit;
             }
         }
-        let (stable, more) = self.active.stable_step(ivp, anchor);
+        let (stable, more) = self.active.stable_step(ivp, anchor, trial);
         self.stable = Some(stable.min(cap));
         evaluations += more;
         self.spent += evaluations;
@@ -147,9 +152,13 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         self.active.error_of(i, h, norm, anchor, trial)
     }
 
-    /// State vectors held beside anchor and trial.
+    /// State vectors that anchor and trial may come to hold: state and slope at both ends of a step, what the methods keep
+    /// of its inside, of which one is at work at a time, and the stiffest direction where a method asks for it.
     pub fn vectors(&self) -> usize {
-        self.active.vectors() + self.resting.as_ref().map_or(0, |(resting, _)| resting.vectors())
+        let resting = self.resting.as_ref().filter(|(_, choice)| !choice.is_final());
+        let methods = || std::iter::once(&self.active).chain(resting.map(|(method, _)| method));
+        let stages = methods().map(|method| method.stages()).max().unwrap_or(0);
+        4 + stages + usize::from(methods().any(|method| method.known_bound().is_some()))
     }
 
     /// The method, and of `auto` what it picked and why.
