@@ -8,7 +8,7 @@ use crate::launch;
 use crate::ode::{Limit, Losses};
 use crate::output::size;
 use crate::scene::{PAPER_NORM, Scene};
-use crate::simulation::{Counts, Frame, Outcome, state_vectors, tightening};
+use crate::simulation::{Counts, Frame, Outcome, tightening};
 use crate::start::{self, Start};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
@@ -16,8 +16,8 @@ use std::io::IsTerminal;
 use std::path::Path;
 use std::time::Instant;
 
-/// Pairs a particle has on its lists in a packed bed, about.
-const LISTED_PAIRS: f64 = 13.0;
+mod size_of_run;
+pub use size_of_run::{START_BYTES, bytes_per_particle, frames, output_bytes};
 
 /// A warning where `l_max` cuts off a force that is not small, with the `l_max` that would do.
 pub fn cut_force_warning(scene: &Scene) -> Option<String> {
@@ -67,33 +67,6 @@ pub fn overlap_warning(scene: &Scene, overlap: f64) -> Option<String> {
              they will fly apart"
         )
     })
-}
-
-/// Memory of the start of one particle, which every rank holds for all, bytes.
-pub const START_BYTES: u64 = 72;
-
-/// Memory of the solver for one particle, bytes, about: states, slopes, lists and pair forces in a packed bed.
-pub fn bytes_per_particle(scene: &Scene) -> u64 {
-    let components = if scene.rotates() { 9.0 } else { 6.0 };
-    let action = if scene.rotates() { 48.0 } else { 24.0 };
-    // Those of the method, and the one that forces are evaluated at; two old places and an id.
-    let states = (state_vectors(scene) + 1) as f64 * 8.0 * components + 2.0 * 24.0 + 8.0;
-    let lists = LISTED_PAIRS * (8.0 + action + 2.0 * 4.0) + 16.0;
-    (states + lists) as u64
-}
-
-/// Size of an output file without frames, bytes: mostly room for small arrays.
-const OUTPUT_BYTES: u64 = 600 << 10;
-
-/// Bytes that the output file will take, about.
-pub fn output_bytes(scene: &Scene, count: u64) -> u64 {
-    let per_row = if scene.rotates() { 72 } else { 48 };
-    frames(scene).saturating_mul(count).saturating_mul(per_row).saturating_add(OUTPUT_BYTES)
-}
-
-/// Frames of the scene, the one at t = 0 included.
-pub fn frames(scene: &Scene) -> u64 {
-    scene.output.interval.map_or(101, |interval| (scene.t_end / interval - 1e-9).ceil() as u64 + 1)
 }
 
 /// What bounds the steps, in words.
@@ -249,6 +222,17 @@ impl Progress {
     }
 }
 
+/// Least, largest and mean value over the ranks. Collective.
+fn spread<const K: usize>(comm: &dyn Comm, own: [f64; K]) -> [[f64; 3]; K] {
+    let mut all = vec![0.0; K * comm.size()];
+    comm.all_gather(&own, &mut all);
+    std::array::from_fn(|k| {
+        let values = || all.iter().skip(k).step_by(K).copied();
+        let mean = values().sum::<f64>() / comm.size() as f64;
+        [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max), mean]
+    })
+}
+
 /// The closing summary, and warnings of what is doubtful. Collective; the text is the same on every rank except for
 /// times.
 pub fn summary(
@@ -260,6 +244,9 @@ pub fn summary(
     threads: usize,
     output: &str,
 ) -> String {
+    let own =
+        [outcome.own_pairs as f64, outcome.clocks.forces.as_secs_f64(), outcome.clocks.ghosts.as_secs_f64()];
+    let spread = spread(comm, own);
     let mut sums = [launch::peak_memory(), outcome.ghosts as u64, outcome.bytes as u64];
     comm.sum(&mut sums);
     let [peak, ghosts, bytes] = sums;
@@ -329,6 +316,19 @@ pub fn summary(
             outcome.output_seconds
         ),
     );
+    if comm.size() > 1 {
+        let [pairs, forces, ghosts] = spread;
+        let times = |[low, high, _]: [f64; 3]| format!("{low:.2} to {high:.2}");
+        line(
+            "balance",
+            format!(
+                "the busiest rank evaluated {:.2} times the mean of pairs; s on a rank: forces {}, ghosts {}",
+                if pairs[2] > 0.0 { pairs[1] / pairs[2] } else { 1.0 },
+                times(forces),
+                times(ghosts)
+            ),
+        );
+    }
     line(
         "memory",
         format!(
@@ -432,6 +432,7 @@ pub fn doubts(scene: &Scene, outcome: &Outcome, course: &Course) -> Vec<String> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulation::state_vectors;
 
     fn scene(extra: &[&str]) -> Scene {
         let text = include_str!("../configs/settle.toml");

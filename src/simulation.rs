@@ -90,6 +90,8 @@ impl<W, F: FnMut(&Frame<W>) -> Result<(), Error>> Observer<W> for F {
 pub struct Outcome {
     /// Work done.
     pub counts: Counts,
+    /// Pairs evaluated by this rank, those with the earlier particle here.
+    pub own_pairs: u64,
     /// Time in the parts of the work on this rank.
     pub clocks: Clocks,
     /// Wall time in frames on this rank: measures and output, s.
@@ -544,6 +546,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     fn outcome(&self, output_seconds: f64, largest_overlap: f64) -> Outcome {
         Outcome {
             counts: self.counts,
+            own_pairs: self.dynamics.own_pairs(),
             clocks: self.dynamics.clocks,
             output_seconds,
             seconds: self.started.elapsed().as_secs_f64(),

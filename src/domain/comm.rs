@@ -9,6 +9,10 @@ use mpi::ffi::MPI_Comm;
 use mpi::request::scope;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
+use smallvec::SmallVec;
+
+/// Partners of a rank for whose messages no memory is allocated: the next slabs, and those beyond where slabs are thin.
+const PARTNERS: usize = 8;
 
 /// Messages to or from several ranks in one flat buffer: `data[bounds[k]..bounds[k + 1]]` belongs to `ranks[k]`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -59,8 +63,12 @@ pub trait Comm {
     /// `to[q]` is handed to rank `q`; the answer holds what every rank handed to this one. Collective.
     fn transpose(&self, to: &[u64]) -> Vec<u64>;
     /// Sends every parcel of `outgoing` and fills every parcel of `incoming`, whose sizes must match what the
-    /// partners send. Collective for the partners.
-    fn exchange(&self, outgoing: &Parcels, incoming: &mut Parcels);
+    /// partners send; does `work` while the parcels are under way. Collective for the partners.
+    fn exchange_during(&self, outgoing: &Parcels, incoming: &mut Parcels, work: &mut dyn FnMut());
+    /// `exchange_during` without work. Collective for the partners.
+    fn exchange(&self, outgoing: &Parcels, incoming: &mut Parcels) {
+        self.exchange_during(outgoing, incoming, &mut || ());
+    }
     /// The bytes of rank 0, on every rank. Collective.
     fn broadcast(&self, bytes: &mut Vec<u8>);
     /// How many ranks share this machine. Collective.
@@ -90,8 +98,9 @@ impl Comm for Solo {
     fn transpose(&self, to: &[u64]) -> Vec<u64> {
         to.to_vec()
     }
-    fn exchange(&self, outgoing: &Parcels, _incoming: &mut Parcels) {
+    fn exchange_during(&self, outgoing: &Parcels, _incoming: &mut Parcels, work: &mut dyn FnMut()) {
         debug_assert!(outgoing.ranks.is_empty(), "a lone rank has no partners");
+        work();
     }
     fn broadcast(&self, _bytes: &mut Vec<u8>) {}
     fn ranks_on_node(&self) -> usize {
@@ -124,11 +133,11 @@ impl Comm for World {
     }
     fn max(&self, values: &mut [f64]) {
         debug_assert!(values.iter().all(|x| !x.is_nan()), "MPI_MAX does not order NaN");
-        let own = values.to_vec();
+        let own: SmallVec<[f64; 8]> = SmallVec::from_slice(values);
         self.0.all_reduce_into(&own[..], values, SystemOperation::max());
     }
     fn sum(&self, counts: &mut [u64]) {
-        let own = counts.to_vec();
+        let own: SmallVec<[u64; 8]> = SmallVec::from_slice(counts);
         self.0.all_reduce_into(&own[..], counts, SystemOperation::sum());
     }
     fn all_gather(&self, own: &[f64], all: &mut [f64]) {
@@ -139,19 +148,20 @@ impl Comm for World {
         self.0.all_to_all_into(to, &mut from[..]);
         from
     }
-    fn exchange(&self, outgoing: &Parcels, incoming: &mut Parcels) {
+    fn exchange_during(&self, outgoing: &Parcels, incoming: &mut Parcels, work: &mut dyn FnMut()) {
         scope(|s| {
-            let mut pending = Vec::with_capacity(incoming.ranks.len() + outgoing.ranks.len());
+            let mut pending: SmallVec<[_; PARTNERS]> = SmallVec::new();
             let mut rest = &mut incoming.data[..];
             for (&q, b) in incoming.ranks.iter().zip(incoming.bounds.windows(2)) {
                 let (parcel, tail) = rest.split_at_mut(b[1] - b[0]);
                 rest = tail;
                 pending.push(self.0.process_at_rank(q as i32).immediate_receive_into(s, parcel));
             }
-            let mut sent = Vec::with_capacity(outgoing.ranks.len());
+            let mut sent: SmallVec<[_; PARTNERS]> = SmallVec::new();
             for (q, parcel) in outgoing.iter() {
                 sent.push(self.0.process_at_rank(q as i32).immediate_send(s, parcel));
             }
+            work();
             for request in pending {
                 request.wait_without_status();
             }

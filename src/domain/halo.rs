@@ -92,16 +92,28 @@ impl Halo {
         ghost_ids
     }
 
-    /// Brings the ghosts up to date with their owners' `y`. Collective for ranks that are partners.
-    pub fn refresh<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], ghosts: &mut [Motion<W>]) {
+    /// Sends `y` to where it is a ghost, and does `work` while the ghosts are under way; `deliver` brings them.
+    /// Collective for ranks that are partners.
+    pub fn exchange_during<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], work: &mut dyn FnMut()) {
         let width = Motion::<W>::COMPONENTS;
         for (slots, &i) in self.outgoing.data.chunks_exact_mut(width).zip(&self.picks) {
             y[i as usize].pack(slots);
         }
-        comm.exchange(&self.outgoing, &mut self.incoming);
-        for (ghost, slots) in ghosts.iter_mut().zip(self.incoming.data.chunks_exact(width)) {
+        comm.exchange_during(&self.outgoing, &mut self.incoming, work);
+    }
+
+    /// Brings the ghosts up to date with what the last exchange received.
+    pub fn deliver<W: Spin>(&self, ghosts: &mut [Motion<W>]) {
+        for (ghost, slots) in ghosts.iter_mut().zip(self.incoming.data.chunks_exact(Motion::<W>::COMPONENTS))
+        {
             *ghost = Motion::unpack(slots);
         }
+    }
+
+    /// Brings the ghosts up to date with their owners' `y`. Collective for ranks that are partners.
+    pub fn refresh<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], ghosts: &mut [Motion<W>]) {
+        self.exchange_during(comm, y, &mut || ());
+        self.deliver(ghosts);
     }
 
     /// Fresh storage for the ghosts.

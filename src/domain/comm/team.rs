@@ -98,13 +98,14 @@ impl Comm for Member<'_> {
     fn transpose(&self, to: &[u64]) -> Vec<u64> {
         self.share(to.to_vec()).iter().map(|row| row[self.rank]).collect()
     }
-    fn exchange(&self, outgoing: &Parcels, incoming: &mut Parcels) {
+    fn exchange_during(&self, outgoing: &Parcels, incoming: &mut Parcels, work: &mut dyn FnMut()) {
         let mut state = self.table.state.lock().unwrap();
         for (q, parcel) in outgoing.iter() {
             state.letters.entry((self.rank, q)).or_default().push(parcel.to_vec());
         }
         drop(state);
         self.table.bell.notify_all();
+        work();
         for (k, &q) in incoming.ranks.iter().enumerate() {
             let key = (q, self.rank);
             let mut state = self.wait(|state| state.letters.get(&key).is_some_and(|box_| !box_.is_empty()));

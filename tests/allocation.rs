@@ -1,0 +1,67 @@
+//! A step takes no memory once its vectors have their size: allocators cost time, and memory that grows ends long runs.
+//! On one rank and one thread; rayon's queues are its own matter.
+
+#[path = "../benches/common/mod.rs"]
+mod beds;
+
+use beds::{Job, bed, scene, simulate};
+use demhybrid::contact::{Rebound, Tangential};
+use demhybrid::container::walls;
+use demhybrid::dynamics::Dynamics;
+use demhybrid::ode::{
+    Anchor, Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, Norm, RungeKutta, Trial, Verlet, Weights,
+};
+use demhybrid::particle::Spin;
+use demhybrid::scene::Scene;
+use demhybrid::simulation::Simulation;
+
+/// Takes steps of different sizes by every method, and counts.
+struct Steps;
+
+impl Job for Steps {
+    fn run<R: Rebound, T: Tangential, W: Spin>(self, mut simulation: Simulation<R, T, W>) {
+        let y = simulation.state().to_vec();
+        let dynamics = simulation.dynamics_mut();
+        let mut methods: Vec<Box<dyn Method<Dynamics<R, T, W>> + '_>> = vec![
+            Box::new(RungeKutta::new(&MERSON)),
+            Box::new(RungeKutta::new(&DORMAND_PRINCE)),
+            Box::<Chebyshev>::default(),
+            Box::new(Verlet),
+        ];
+        let mut trial = Trial::default();
+        for method in &mut methods {
+            let mut anchor = Anchor::new(0.0, y.clone());
+            let mut steps = |sizes: &[f64]| {
+                for &h in sizes {
+                    method.stable_step(dynamics, &mut anchor, &mut trial);
+                    let norm = Norm { weights: Weights::MIXED, rate: false };
+                    method.attempt(dynamics, &mut anchor, h, &norm, &mut trial);
+                    std::mem::swap(&mut anchor.y, &mut trial.next);
+                    anchor.slope_known = false;
+                    anchor.t += h;
+                }
+            };
+            steps(&[1e-4, 1e-4]);
+            let info = allocation_counter::measure(|| steps(&[1e-5, 1e-4, 3e-4, 1e-5, 2e-4, 1e-4]));
+            assert_eq!(info.count_total, 0, "{} allocates in a step: {info:?}", method.name());
+        }
+        // The counter counts.
+        let info = allocation_counter::measure(|| drop(std::hint::black_box(vec![0u8; 100])));
+        assert_eq!(info.count_total, 1);
+        assert!(dynamics.ghosts() == 0 && dynamics.small_length() > 0.0);
+    }
+}
+
+#[test]
+fn a_step_allocates_nothing() {
+    for variant in beds::VARIANTS {
+        // The spheres lie against three walls.
+        let text = include_str!("../configs/bed.toml")
+            .replace("min = [0.0, 0.0, 0.0]", "min = [-0.1, -0.1, -0.1]")
+            .replace("max = [1.0, 1.0, inf]", "max = [inf, inf, inf]");
+        let walled = Scene::parse("bed", &text, &[]).expect("the scene is valid");
+        assert_eq!(walls(&walled.container).len(), 3);
+        let scene = Scene { container: walled.container, ..scene(variant) };
+        simulate(&scene, &bed(500), Steps);
+    }
+}
