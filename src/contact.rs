@@ -83,21 +83,22 @@ pub struct Frictionless;
 #[derive(Debug, Clone, Copy)]
 pub struct Coulomb {
     phi: f64,
-    v_min: f64,
+    /// 1/v_min, s/m: a division costs as much as ten multiplications.
+    inverse_v_min: f64,
 }
 
 impl Coulomb {
     /// Friction coefficient `phi` and speed `v_min` (m/s) from which friction has its full strength.
     pub fn new(phi: f64, v_min: f64) -> Self {
-        Coulomb { phi, v_min }
+        Coulomb { phi, inverse_v_min: (1.0 / v_min).min(f64::MAX) }
     }
 
     /// Sigma(s)/s of eq. (2.8) in s/m: with this form friction needs no direction t/|t| and is finite at s = 0.
     /// (v_0 of eq. (2.8) is v_min.)
     #[inline(always)]
     pub fn limiter_over_slip(&self, s: f64) -> f64 {
-        let q = s / self.v_min;
-        if q < 1.0 { (3.0 - 2.0 * q) * q / self.v_min } else { 1.0 / s }
+        let q = s * self.inverse_v_min;
+        if q < 1.0 { (3.0 - 2.0 * q) * q * self.inverse_v_min } else { 1.0 / s }
     }
 }
 
