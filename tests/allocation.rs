@@ -55,12 +55,12 @@ impl Job for Steps {
 #[test]
 fn a_step_allocates_nothing() {
     for variant in beds::VARIANTS {
-        // The spheres lie against three walls.
+        // The spheres lie against three of five walls.
         let text = include_str!("../configs/bed.toml")
             .replace("min = [0.0, 0.0, 0.0]", "min = [-0.1, -0.1, -0.1]")
-            .replace("max = [1.0, 1.0, inf]", "max = [inf, inf, inf]");
+            .replace("max = [1.0, 1.0, inf]", "max = [9.0, 9.0, inf]");
         let walled = Scene::parse("bed", &text, &[]).expect("the scene is valid");
-        assert_eq!(walls(&walled.container).len(), 3);
+        assert_eq!(walls(&walled.container).len(), 5);
         let scene = Scene { container: walled.container, ..scene(variant) };
         simulate(&scene, &bed(500), Steps);
     }
