@@ -31,7 +31,7 @@ impl Job for Step<'_> {
 
 fn step(c: &mut Criterion) {
     for variant in common::VARIANTS {
-        for n in [200, 2_000, 20_000] {
+        for n in [200, 2_000, 20_000, 200_000] {
             common::simulate(&common::scene(variant), &common::bed(n), Step(c, variant, n));
         }
     }
