@@ -20,8 +20,8 @@
 //! # One step
 //!
 //! [`simulation::Simulation`] asks an [`ode::Method`] for a trial step; every stage calls [`dynamics::Dynamics`], which
-//! refreshes the ghosts ([`domain::halo`]), evaluates every listed pair once ([`neighbors`], [`contact`]) and sums
-//! per particle in the order of ids ([`forces`]). One reduction gives all ranks the same error, and [`ode::StepControl`] the same
+//! refreshes the ghosts ([`domain::halo`]) and adds walls and pairs ([`neighbors`], [`contact`], [`kernel`]) to their particles in
+//! one order of sums ([`forces`]). One reduction gives all ranks the same error, and [`ode::StepControl`] the same
 //! decision. Between steps particles migrate ([`domain::migration`]) and lists are rebuilt. Frames go to the
 //! observer, which in the program is [`output::Output`].
 
