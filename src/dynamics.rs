@@ -383,6 +383,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         let mut inside = Duration::ZERO;
         let (forces, anchors, mut moved) = (&mut self.forces, [&self.origin[..], &self.start], [0.0; 2]);
         self.halo.exchange_during(self.comm, y, &mut || {
+            fail_point!("underway");
             let clock = Instant::now();
             moved = forces.begin(y, anchors, dydt);
             inside = clock.elapsed();

@@ -107,18 +107,25 @@ pub struct Seconds {
     pub output: f64,
 }
 
-/// The rows of a frame that this rank writes: rows `first..first + position.len()` of the id order. The blocks of the
-/// ranks follow one another by rank and may be empty.
-#[derive(Debug, Clone, Copy)]
+/// A vector that every particle has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Centre, m.
+    Position,
+    /// Velocity, m/s.
+    Velocity,
+    /// Angular velocity, 1/s; asked for only where rotation is on.
+    AngularVelocity,
+}
+
+/// The rows of a frame that this rank writes, from row `first` of the id order on. The blocks of the ranks follow one
+/// another by rank and may be empty.
+#[derive(Clone, Copy)]
 pub struct Rows<'a> {
     /// Id of the first row.
     pub first: u64,
-    /// Centres, m; one per row.
-    pub position: &'a [[f64; 3]],
-    /// Velocities, m/s; as long as `position`.
-    pub velocity: &'a [[f64; 3]],
-    /// Angular velocities, 1/s; as long as `position`, and there exactly if rotation is on.
-    pub angular_velocity: Option<&'a [[f64; 3]]>,
+    /// Makes one quantity of all rows; called for one after the other, so that only one is in memory.
+    pub column: &'a dyn Fn(Quantity) -> Vec<[f64; 3]>,
 }
 
 /// An output file that grows by frames.

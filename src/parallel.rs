@@ -86,6 +86,14 @@ pub fn each<T: Send>(items: &mut [T], work: impl Fn(&mut T) + Sync + Send) {
     }
 }
 
+/// `value(i)` for i in 0..n.
+pub fn collect<T: Send>(n: usize, grain: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    if rayon::current_num_threads() == 1 || n <= grain {
+        return (0..n).map(value).collect();
+    }
+    (0..n).into_par_iter().with_min_len(grain / 2).map(&value).collect()
+}
+
 /// A few chunks a thread, so that a slow one is helped out.
 fn chunk_size(n: usize, threads: usize, grain: usize) -> usize {
     n.div_ceil(4 * threads).max(grain / 2)
@@ -105,6 +113,7 @@ mod tests {
             };
             assert_eq!(chunks(&mut items, 16, visit, 0, |a, b| a + b), n);
             assert!(items.iter().enumerate().all(|(k, &item)| item == k + 1));
+            assert_eq!(collect(n, 16, |k| k + 1), items);
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::dynamics::Clocks;
 use crate::error::Error;
 use crate::kernel::InstructionSet;
 use crate::launch;
-use crate::output::{self, Measures, Output, Rows, RunInfo, Seconds};
+use crate::output::{self, Measures, Output, Quantity, Rows, RunInfo, Seconds};
 use crate::particle::{Motion, Spin};
 use crate::report::{self, Course, Progress};
 use crate::scene::Scene;
@@ -264,16 +264,15 @@ fn seconds(clocks: &Clocks, output: f64) -> Seconds {
 impl<W: Spin> Observer<W> for Recorder<'_> {
     fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error> {
         fail_point!("output");
-        let column = |of: fn(&Motion<W>) -> [f64; 3]| frame.rows.iter().map(of).collect::<Vec<_>>();
-        let position = column(|body| body.x.into());
-        let velocity = column(|body| body.v.into());
-        let spin = (W::COMPONENTS > 0).then(|| column(|body| body.omega.vector().into()));
-        let rows = Rows {
-            first: frame.first,
-            position: &position,
-            velocity: &velocity,
-            angular_velocity: spin.as_deref(),
+        let column = |quantity| {
+            let vector = |body: &Motion<W>| match quantity {
+                Quantity::Position => body.x.into(),
+                Quantity::Velocity => body.v.into(),
+                Quantity::AngularVelocity => body.omega.vector().into(),
+            };
+            frame.rows.map(vector)
         };
+        let rows = Rows { first: frame.first, column: &column };
         let counts = frame.counts;
         let measures = Measures {
             time: frame.time,

@@ -1,6 +1,7 @@
 //! The driver: takes steps until the end of the scene, and frames on the way.
 
 use crate::contact::{Elastic, Frictionless, Law, Rebound, Tangential};
+use crate::domain::rows::ById;
 use crate::domain::{Comm, rows};
 use crate::dynamics::{Clocks, Dynamics};
 use crate::effects::{self, Effects, Variant};
@@ -70,7 +71,7 @@ pub struct Frame<'a, W> {
     /// First id of `rows`.
     pub first: u64,
     /// This rank's block of the particles, by id.
-    pub rows: &'a [Motion<W>],
+    pub rows: &'a ById<'a, W>,
 }
 
 /// Receives the frames of a run.
@@ -525,7 +526,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         self.counts.pairs = dynamics.pair_evaluations();
         self.counts.rebuilds = dynamics.rebuilds();
         let (potential_energy, largest_overlap) = dynamics.potential_energy(state);
-        let rows = rows::by_id(self.comm, dynamics.count(), dynamics.ids(), state);
+        let rows = ById::new(self.comm, dynamics.count(), dynamics.ids(), state);
         observer.frame(&Frame {
             time: t,
             step: self.last,

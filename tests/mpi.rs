@@ -340,6 +340,12 @@ fn a_panic_in_a_worker_thread_of_one_rank_ends_the_job() {
 }
 
 #[test]
+fn a_panic_while_ghosts_are_under_way_ends_the_job() {
+    let parts = ["rank 1", "no walls today"];
+    assert_fault_ends_the_job("underway=300*off->panic(no walls today)", "1", &parts);
+}
+
+#[test]
 fn a_panic_in_the_output_of_one_rank_ends_the_job() {
     assert_fault_ends_the_job("output=2*off->panic(no frame today)", "1", &["rank 1", "no frame today"]);
 }

@@ -6,7 +6,7 @@ pub mod team;
 
 use mpi::collective::SystemOperation;
 use mpi::ffi::MPI_Comm;
-use mpi::request::scope;
+use mpi::request::{WaitGuard, scope};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
 use smallvec::SmallVec;
@@ -155,19 +155,15 @@ impl Comm for World {
             for (&q, b) in incoming.ranks.iter().zip(incoming.bounds.windows(2)) {
                 let (parcel, tail) = rest.split_at_mut(b[1] - b[0]);
                 rest = tail;
-                pending.push(self.0.process_at_rank(q as i32).immediate_receive_into(s, parcel));
+                let partner = self.0.process_at_rank(q as i32);
+                pending.push(WaitGuard::from(partner.immediate_receive_into(s, parcel)));
             }
             let mut sent: SmallVec<[_; PARTNERS]> = SmallVec::new();
             for (q, parcel) in outgoing.iter() {
-                sent.push(self.0.process_at_rank(q as i32).immediate_send(s, parcel));
+                sent.push(WaitGuard::from(self.0.process_at_rank(q as i32).immediate_send(s, parcel)));
             }
             work();
-            for request in pending {
-                request.wait_without_status();
-            }
-            for request in sent {
-                request.wait_without_status();
-            }
+            // Guards wait when they go, also where `work` panics: an open request would end the process without a word.
         });
     }
     fn broadcast(&self, bytes: &mut Vec<u8>) {

@@ -1,6 +1,7 @@
 //! Particles in the order of their ids, in equal blocks over the ranks: what a frame of the output holds.
 
 use super::{Comm, Parcels};
+use crate::parallel::{self, GRAIN};
 use crate::particle::{Motion, Spin};
 use std::ops::Range;
 
@@ -11,33 +12,60 @@ pub fn block(count: u64, rank: usize, size: usize) -> Range<u64> {
     start(rank)..start(rank + 1)
 }
 
-/// The states of this rank's block of ids, in order. Every id must be owned by exactly one rank. Collective.
-pub fn by_id<W: Spin>(comm: &dyn Comm, count: u64, ids: &[u64], y: &[Motion<W>]) -> Vec<Motion<W>> {
-    let own = block(count, comm.rank(), comm.size());
-    let length = count.div_ceil(comm.size() as u64).max(1);
-    let home = |id: u64| (id / length) as usize;
-    let width = 1 + Motion::<W>::COMPONENTS;
-    let mut counts = vec![0; comm.size()];
-    ids.iter().filter(|&&id| home(id) != comm.rank()).for_each(|&id| counts[home(id)] += width as u64);
-    let mut incoming = Parcels::with_counts(&comm.transpose(&counts));
-    let mut outgoing = Parcels::with_counts(&counts);
-    let mut order: Vec<usize> = (0..ids.len()).filter(|&i| home(ids[i]) != comm.rank()).collect();
-    order.sort_by_key(|&i| home(ids[i]));
-    for (slots, &i) in outgoing.data.chunks_exact_mut(width).zip(&order) {
-        // Ids travel as numbers: exact below 2^53.
-        slots[0] = ids[i] as f64;
-        y[i].pack(&mut slots[1..]);
+/// The states of a block of ids in order, those that this rank owns left where they are in memory.
+#[derive(Debug)]
+pub struct ById<'a, W> {
+    own: &'a [Motion<W>],
+    guests: Vec<Motion<W>>,
+    /// Of every id of the block: its index in `own`, or beyond that in `guests`.
+    places: Vec<u32>,
+}
+
+impl<'a, W: Spin> ById<'a, W> {
+    /// Of this rank's block, where this rank owns the particles `ids` with the states `y`. Every id must be owned by
+    /// exactly one rank. Collective.
+    pub fn new(comm: &dyn Comm, count: u64, ids: &[u64], y: &'a [Motion<W>]) -> Self {
+        // Asked once: MPI takes its time for an answer, a million times.
+        let rank = comm.rank();
+        let block = block(count, rank, comm.size());
+        let length = count.div_ceil(comm.size() as u64).max(1);
+        let home = |id: u64| (id / length) as usize;
+        let width = 1 + Motion::<W>::COMPONENTS;
+        let mut counts = vec![0; comm.size()];
+        ids.iter().filter(|&&id| home(id) != rank).for_each(|&id| counts[home(id)] += width as u64);
+        let mut incoming = Parcels::with_counts(&comm.transpose(&counts));
+        let mut outgoing = Parcels::with_counts(&counts);
+        let mut order: Vec<usize> = (0..ids.len()).filter(|&i| home(ids[i]) != rank).collect();
+        order.sort_by_key(|&i| home(ids[i]));
+        for (slots, &i) in outgoing.data.chunks_exact_mut(width).zip(&order) {
+            // Ids travel as numbers: exact below 2^53.
+            slots[0] = ids[i] as f64;
+            y[i].pack(&mut slots[1..]);
+        }
+        comm.exchange(&outgoing, &mut incoming);
+        let arrived = || incoming.data.chunks_exact(width);
+        let mut places = vec![u32::MAX; (block.end - block.start) as usize];
+        for (i, &id) in ids.iter().enumerate().filter(|(_, id)| home(**id) == rank) {
+            places[(id - block.start) as usize] = i as u32;
+        }
+        for (k, slots) in arrived().enumerate() {
+            places[(slots[0] as u64 - block.start) as usize] = (y.len() + k) as u32;
+        }
+        ById { own: y, guests: arrived().map(|slots| Motion::unpack(&slots[1..])).collect(), places }
     }
-    comm.exchange(&outgoing, &mut incoming);
-    let unset = Motion::unpack(&[f64::NAN; 9]);
-    let mut rows = vec![unset; (own.end - own.start) as usize];
-    for (&id, body) in ids.iter().zip(y).filter(|(id, _)| home(**id) == comm.rank()) {
-        rows[(id - own.start) as usize] = *body;
+
+    /// What `of` makes of each state, by the threads of this rank.
+    pub fn map<T: Send>(&self, of: impl Fn(&Motion<W>) -> T + Sync) -> Vec<T> {
+        parallel::collect(self.places.len(), GRAIN, |i| {
+            let place = self.places[i] as usize;
+            of(self.own.get(place).unwrap_or_else(|| &self.guests[place - self.own.len()]))
+        })
     }
-    for slots in incoming.data.chunks_exact(width) {
-        rows[(slots[0] as u64 - own.start) as usize] = Motion::unpack(&slots[1..]);
+
+    /// Whether the block has no ids.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
     }
-    rows
 }
 
 #[cfg(test)]
@@ -68,9 +96,10 @@ mod tests {
                 let owner = |id: u64| (id * 7 % ranks as u64) as usize;
                 let ids: Vec<u64> = (0..count).rev().filter(|&id| owner(id) == comm.rank()).collect();
                 let y: Vec<_> = ids.iter().map(|&id| body(id)).collect();
-                let rows = by_id(comm, count, &ids, &y);
+                let rows = ById::new(comm, count, &ids, &y);
                 let expected: Vec<_> = block(count, comm.rank(), ranks).map(body).collect();
-                assert_eq!(rows, expected);
+                assert_eq!(rows.map(|body| *body), expected);
+                assert_eq!(rows.is_empty(), expected.is_empty());
             });
         }
     }

@@ -12,7 +12,7 @@ use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, Extent, File, Group, Location, Result};
 
 use super::collective::{Row, Transfer};
-use super::{Measures, Rows, RunInfo};
+use super::{Measures, Quantity, Rows, RunInfo};
 use crate::domain::comm::Comm;
 use crate::ode::Limit;
 
@@ -276,10 +276,10 @@ impl Frames {
         let k = self.complete;
         // All data first. Arrays grow here and never shrink: shrinking inside a chunk, on several ranks, breaks the
         // bookkeeping of HDF5 1.10 (tried).
-        self.write_vectors(&self.position, k, rows.first, rows.position)?;
-        self.write_vectors(&self.velocity, k, rows.first, rows.velocity)?;
+        self.write_vectors(&self.position, k, rows, Quantity::Position)?;
+        self.write_vectors(&self.velocity, k, rows, Quantity::Velocity)?;
         if let Some(array) = &self.angular_velocity {
-            self.write_vectors(array, k, rows.first, rows.angular_velocity.unwrap_or_default())?;
+            self.write_vectors(array, k, rows, Quantity::AngularVelocity)?;
         }
         let transfer = self.transfer.report()?;
         // VTK takes a file of one frame for one without time, and all rows of `NumberOfPoints` for its parts. So the
@@ -374,10 +374,10 @@ impl Frames {
         Ok(())
     }
 
-    /// This rank's rows of frame `k`. Collective.
-    fn write_vectors(&self, array: &Dataset, k: u64, first: u64, rows: &[[f64; 3]]) -> Result<()> {
+    /// This rank's rows of a quantity of frame `k`. Collective.
+    fn write_vectors(&self, array: &Dataset, k: u64, rows: &Rows, quantity: Quantity) -> Result<()> {
         array.resize(((k + 1) as usize * self.count as usize, 3))?;
-        self.transfer.write_together(array, k * self.count + first, rows)
+        self.transfer.write_together(array, k * self.count + rows.first, &(rows.column)(quantity))
     }
 
     /// Appends row `k` of a small array. Collective.
@@ -436,7 +436,8 @@ fn growing<R: Row>(group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dat
         [vec![Extent::resizable(0)], R::SHAPE.iter().map(|&n| Extent::fixed(n)).collect()].concat();
     let chunk = [&[rows_per_chunk as usize], R::SHAPE].concat();
     let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
-    builder.shape(extents).chunk(chunk).create(name)
+    // Nothing is read again: without a cache, chunks are written from where they are.
+    builder.shape(extents).chunk(chunk).chunk_cache(1, 0, 1.0).create(name)
 }
 
 /// An array of a fixed number of rows.

@@ -6,7 +6,7 @@ use hdf5::types::{FixedAscii, IntSize, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File};
 use tempfile::TempDir;
 
-use super::{Measures, Output, Rows, RunInfo, Seconds};
+use super::{Measures, Output, Quantity, Rows, RunInfo, Seconds};
 use crate::domain::comm::Solo;
 use crate::error::Error;
 use crate::ode::Limit;
@@ -68,8 +68,13 @@ fn vectors(k: u64, q: f64) -> Vec<[f64; 3]> {
 }
 
 fn append(output: &mut Output, k: u64, rotation: bool) {
-    let (x, v, omega) = (vectors(k, 0.5), vectors(k, 1.5), vectors(k, 2.5));
-    let rows = Rows { first: 0, position: &x, velocity: &v, angular_velocity: rotation.then_some(&omega) };
+    let column = |quantity| match quantity {
+        Quantity::Position => vectors(k, 0.5),
+        Quantity::Velocity => vectors(k, 1.5),
+        Quantity::AngularVelocity if rotation => vectors(k, 2.5),
+        Quantity::AngularVelocity => panic!("nobody asked for rotation"),
+    };
+    let rows = Rows { first: 0, column: &column };
     output.append(&rows, &measures(k)).unwrap();
 }
 
@@ -377,8 +382,7 @@ fn after_a_failed_write_the_file_is_not_touched_any_more() {
     let why = output.guarded(|_| Err::<(), _>("the disk\n is gone".into())).unwrap_err();
     assert_eq!(why.to_string(), format!("cannot write to {}: the disk is gone", path.display()));
     let before = std::fs::read(&path).unwrap();
-    let (x, v) = (vectors(1, 0.5), vectors(1, 1.5));
-    let rows = Rows { first: 0, position: &x, velocity: &v, angular_velocity: None };
+    let rows = Rows { first: 0, column: &|_| panic!("nothing is to be written") };
     assert!(output.append(&rows, &measures(1)).is_err());
     assert_eq!(output.finish(&measures(1), CHOICE).unwrap_err().exit_code(), 4);
     assert_eq!(std::fs::read(&path).unwrap(), before);

@@ -154,9 +154,9 @@ impl Snapshot {
     fn of<W: Spin>(frame: &Frame<W>) -> Self {
         Snapshot {
             time: frame.time,
-            x: frame.rows.iter().map(|body| body.x).collect(),
-            v: frame.rows.iter().map(|body| body.v).collect(),
-            omega: frame.rows.iter().map(|body| body.omega.vector()).collect(),
+            x: frame.rows.map(|body| body.x),
+            v: frame.rows.map(|body| body.v),
+            omega: frame.rows.map(|body| body.omega.vector()),
             kinetic_energy: frame.kinetic_energy,
             potential_energy: frame.potential_energy,
             dissipated: frame.dissipated,
