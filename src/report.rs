@@ -11,6 +11,7 @@ use crate::scene::{PAPER_NORM, Scene};
 use crate::simulation::{Counts, Frame, Outcome, tightening};
 use crate::start::{self, Start};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 use std::io::IsTerminal;
 use std::path::Path;
@@ -350,7 +351,7 @@ fn step_sizes(limits: &[u64]) -> String {
 }
 
 /// What the frames told, for the summary: of the last one, unless said otherwise.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Course {
     /// Number of particles.
     pub count: u64,

@@ -17,7 +17,7 @@ use crate::cli::AccuracyArgs;
 use crate::domain::Comm;
 use crate::error::Error;
 use crate::launch;
-use crate::program::share;
+use crate::agreement::share;
 use crate::scene::Scene;
 use std::path::{Path, PathBuf};
 
