@@ -7,9 +7,9 @@
 
 mod file;
 mod read;
-mod write;
 #[cfg(test)]
 mod tests;
+mod write;
 
 use crate::report::Course;
 use crate::simulation::Memory;

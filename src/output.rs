@@ -194,8 +194,8 @@ impl<'a> Output<'a> {
         rotation: bool,
         complete: u64,
     ) -> Result<Output<'a>, Error> {
-        let frames = Frames::open(comm, path, energy, count, rotation, complete)
-            .map_err(|why| failure(path, &why))?;
+        let frames =
+            Frames::open(comm, path, energy, count, rotation, complete).map_err(|why| failure(path, &why))?;
         Ok(Self::with(comm, path, frames))
     }
 

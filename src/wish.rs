@@ -68,8 +68,14 @@ mod tests {
 
     #[test]
     fn a_wish_survives_as_a_number_and_those_that_stop_weigh_more() {
-        let wishes =
-            [Wish::Nothing, Wish::Checkpoint, Wish::StopFile, Wish::WallLimit, Wish::Signal(1), Wish::Signal(64)];
+        let wishes = [
+            Wish::Nothing,
+            Wish::Checkpoint,
+            Wish::StopFile,
+            Wish::WallLimit,
+            Wish::Signal(1),
+            Wish::Signal(64),
+        ];
         for pair in wishes.windows(2) {
             assert!(pair[0].weight() < pair[1].weight(), "{pair:?}");
         }

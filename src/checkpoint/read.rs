@@ -43,7 +43,9 @@ pub fn verify(comm: &dyn Comm, path: &Path) -> Result<(), String> {
         (f64::NEG_INFINITY, _) => Ok(()),
         (f64::INFINITY, Err(why)) => Err(complaint(path, &why)),
         (f64::INFINITY, _) => Err(complaint(path, "a rank cannot read it")),
-        (first, _) => Err(complaint(path, &format!("particles from {} on do not match their checksum", -first))),
+        (first, _) => {
+            Err(complaint(path, &format!("particles from {} on do not match their checksum", -first)))
+        }
     }
 }
 
@@ -91,7 +93,8 @@ fn head(file: &File) -> Result<(Header, Layout), String> {
     if crc32fast::hash(&encoded) != file::half(&preamble, 20) {
         return Err("its head does not match its checksum".into());
     }
-    let header: Header = postcard::from_bytes(&encoded).map_err(|why| format!("its head is not readable: {why}"))?;
+    let header: Header =
+        postcard::from_bytes(&encoded).map_err(|why| format!("its head is not readable: {why}"))?;
     // So many bytes at least; beyond, sums could overflow.
     if header.count > there / 48 || parts > there / PART {
         return Err(format!("it is cut off: {} particles in a file of {there} bytes", header.count));

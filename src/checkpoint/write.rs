@@ -3,8 +3,8 @@
 use super::file::{self, Layout, PIECE};
 use super::{Header, beside};
 use crate::agreement::agree;
-use crate::domain::rows::{self, ById};
 use crate::domain::Comm;
+use crate::domain::rows::{self, ById};
 use crate::error::Error;
 use crate::particle::{Motion, Spin, Vec3};
 use crate::simulation::Snapshot;
@@ -23,7 +23,8 @@ pub fn write<W: Spin>(
     header: &Header,
     snapshot: &Snapshot<W>,
 ) -> Result<(), Error> {
-    let failure = |why: io::Error| Error::Checkpoint { file: path.display().to_string(), why: why.to_string() };
+    let failure =
+        |why: io::Error| Error::Checkpoint { file: path.display().to_string(), why: why.to_string() };
     let unfinished = beside(path, "tmp");
     let encoded = postcard::to_stdvec(header).expect("a header holds numbers and texts");
     let parts = comm.size() as u64;

@@ -30,7 +30,9 @@ pub struct Found {
 /// Looks into the file of an earlier process, or says why it is none.
 pub fn inspect(path: &Path) -> Result<Found, String> {
     let file = open(path)?;
-    let foreign = |_| "it is not an output file of demhybrid: it has no /run with a scene and no /VTKHDF/Steps".to_owned();
+    let foreign = |_| {
+        "it is not an output file of demhybrid: it has no /run with a scene and no /VTKHDF/Steps".to_owned()
+    };
     let run = file.group("run").map_err(foreign)?;
     let scene = match run.attr("scene") {
         Ok(attribute) => text(&attribute)?,

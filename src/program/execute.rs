@@ -8,8 +8,8 @@ use crate::domain::{Comm, rows};
 use crate::dynamics::Clocks;
 use crate::error::Error;
 use crate::launch;
-use crate::outside::Outside;
 use crate::output::{self, Measures, Output, Quantity, Rows, RunInfo, Seconds};
+use crate::outside::Outside;
 use crate::particle::{Motion, Spin};
 use crate::report::{self, Course, Progress};
 use crate::scene::Scene;
@@ -137,8 +137,9 @@ impl Execution<'_> {
             return Output::create(comm, place, info, count, scene.particles.radius, rotation, block);
         }
         share(comm, || {
-            let unusable =
-                |why| Error::Input(format!("--resume {}: it cannot be made ready: {why}", self.file.display()));
+            let unusable = |why| {
+                Error::Input(format!("--resume {}: it cannot be made ready: {why}", self.file.display()))
+            };
             output::prepare(place, frames, info).map(|()| String::new()).map_err(unusable)
         })?;
         Output::open(comm, place, info.energy, count, rotation, frames)
@@ -158,7 +159,8 @@ impl Task for Execution<'_> {
         )?;
         let wish = || outside.wish();
         let ready = self.ready::<R, T, W>(law, comm)?;
-        let Ready { mut simulation, count, velocity_scale, course, frames, next, serial, wall_seconds } = ready;
+        let Ready { mut simulation, count, velocity_scale, course, frames, next, serial, wall_seconds } =
+            ready;
         let info = self.info(velocity_scale);
         let output = self.output(comm, &info, count, frames, rotation)?;
         simulation.heed(&wish);
@@ -199,7 +201,9 @@ impl Task for Execution<'_> {
         let written = format!("{}: {written} frames, {transfer}", self.file.display());
         self.tell(&outcome, &course, threads, &written);
         match outcome.stopped {
-            Some(wish) => Err(Error::Stopped { wish, t: outcome.time, file: self.file.display().to_string() }),
+            Some(wish) => {
+                Err(Error::Stopped { wish, t: outcome.time, file: self.file.display().to_string() })
+            }
             None => Ok(()),
         }
     }

@@ -106,17 +106,21 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
 
 /// Looks at the file at `place` and at its checkpoints. One rank calls it.
 fn plan(place: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Plan, String> {
-    let heads: Vec<_> =
-        checkpoint::slots(place).into_iter().filter_map(|slot| Some((checkpoint::look(&slot)?, slot))).collect();
+    let heads: Vec<_> = checkpoint::slots(place)
+        .into_iter()
+        .filter_map(|slot| Some((checkpoint::look(&slot)?, slot)))
+        .collect();
     if !place.exists() {
         return Err(if heads.is_empty() {
             "there is no such file; it is the output file of the run to go on with".into()
         } else {
-            "there is no such file, although its checkpoints are there; put it back, or start the scene anew".into()
+            "there is no such file, although its checkpoints are there; put it back, or start the scene anew"
+                .into()
         });
     }
     let found = output::inspect(place)?;
-    let recorded = Scene::parse("", &found.scene, &[]).map_err(|why| format!("its scene is broken: {why}"))?;
+    let recorded =
+        Scene::parse("", &found.scene, &[]).map_err(|why| format!("its scene is broken: {why}"))?;
     let asked = scene_of(place, &found.scene, sets)?;
     if found.completed && asked.t_end == recorded.t_end {
         return Ok(Plan::Nothing { t_end: recorded.t_end });
@@ -225,8 +229,9 @@ fn start_of(comm: &dyn Comm, scene: &Scene, place: &Path, frames: u64, count: u6
     agree(comm, check_memory(comm, scene, count))?;
     let mut read = Start::default();
     share(comm, || {
-        let unreadable =
-            |why| Error::Input(format!("--resume {}: its first frame cannot be read: {why}", place.display()));
+        let unreadable = |why| {
+            Error::Input(format!("--resume {}: its first frame cannot be read: {why}", place.display()))
+        };
         read = output::first_frame(place, count).map_err(unreadable)?;
         start::check(scene, &read).map(|()| String::new())
     })?;

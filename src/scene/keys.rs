@@ -209,9 +209,18 @@ mod tests {
     /// Every example, put together to one scene; `file` gives way to `grid`.
     fn scene_of_examples() -> String {
         let mut text = String::new();
-        for table in
-            ["", "particles", "particles.grid", "container.box", "contact", "friction", "solver", "output", "checkpoint", "limits"]
-        {
+        for table in [
+            "",
+            "particles",
+            "particles.grid",
+            "container.box",
+            "contact",
+            "friction",
+            "solver",
+            "output",
+            "checkpoint",
+            "limits",
+        ] {
             if !table.is_empty() {
                 text += &format!("[{table}]\n");
             }

@@ -121,7 +121,10 @@ impl Choice {
 
     /// Whether the spectral radius should be found, because the explicit method has had its time.
     pub fn wants_stiffness(&self) -> bool {
-        !self.fixed && self.tally.active == Kind::Explicit && self.tally.steps >= self.tally.patience && self.tally.bound.is_none()
+        !self.fixed
+            && self.tally.active == Kind::Explicit
+            && self.tally.steps >= self.tally.patience
+            && self.tally.bound.is_none()
     }
 
     /// The spectral radius is `bound`, 1/s.
@@ -136,7 +139,8 @@ impl Choice {
                 let clearly = if self.tally.window == TRIAL { 1.0 } else { CLEARLY };
                 self.tally.window = WINDOW;
                 let cheaper = self.tally.spent as f64 > clearly * self.tally.explicit_need;
-                let stable = self.explicit.real_stability * self.tally.time / self.tally.explicit_need.max(1e-300)
+                let stable = self.explicit.real_stability * self.tally.time
+                    / self.tally.explicit_need.max(1e-300)
                     * self.explicit_cost();
                 self.restart();
                 if !cheaper {

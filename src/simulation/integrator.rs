@@ -118,7 +118,9 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
             std::mem::swap(&mut self.active, resting);
         }
         let Some(radius) = memory.radius else { return };
-        for method in std::iter::once(&mut self.active).chain(self.resting.iter_mut().map(|(method, _)| method)) {
+        for method in
+            std::iter::once(&mut self.active).chain(self.resting.iter_mut().map(|(method, _)| method))
+        {
             // The others have nothing to remember.
             method.recall(radius);
         }
