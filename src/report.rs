@@ -256,12 +256,13 @@ pub fn summary(
     let r = scene.particles.radius;
     let per = |x: u64, of: f64| x as f64 / of.max(1.0);
     let clocks = &outcome.clocks;
+    let end = if outcome.stopped.is_some() { "stopped" } else { "done" };
     let mut text = format!(
-        "demhybrid: {} done: {} particles, {}, to t = {} s\n",
+        "demhybrid: {} {end}: {} particles, {}, to t = {} s\n",
         name.display(),
         course.count,
         Effects::of(scene).variant.name(),
-        scene.t_end
+        outcome.time
     );
     let mut line = |head: &str, rest: String| {
         // Writing to a string cannot fail.

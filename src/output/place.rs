@@ -86,6 +86,7 @@ pub fn identity(path: &Path) -> Option<(u64, u64)> {
 
 /// Bytes that this user may still write in the file system of `folder`, if it says.
 pub fn free_bytes(folder: &Path) -> Option<u64> {
+    fail::fail_point!("room", |_| None);
     let all = statvfs(folder).ok()?;
     Some(all.f_bavail.saturating_mul(all.f_frsize))
 }
