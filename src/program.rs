@@ -56,7 +56,8 @@ fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), E
     let (scene, start) = load_for_output(args, path, comm)?;
     let file = scene.output.file.clone().unwrap_or_default();
     share(comm, || spare_the_input(path, &scene, &file))?;
-    let room = report::output_bytes(&scene, start.x.len() as u64);
+    let count = start.x.len() as u64;
+    let room = report::output_bytes(&scene, count).saturating_add(report::checkpoint_bytes(&scene, count));
     let place = Output::check_place(comm, &file, args.force, room);
     let mut warnings: Vec<String> = report::cut_force_warning(&scene).into_iter().collect();
     warnings.extend(report::double_wall_warnings(&scene));
