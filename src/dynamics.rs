@@ -6,7 +6,7 @@ use crate::domain::migration::{self, Census};
 use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::error::Error;
-use crate::forces::{Broken, Forces, Setting};
+use crate::forces::{Broken, Dissipated, Forces, Setting, Stored};
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
 use crate::particle::{Motion, Spin, Vec3};
@@ -332,25 +332,36 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let energy = |body: &Motion<W>| {
             0.5 * mass * body.v.norm_squared() + 0.5 * inertia * body.omega.vector().norm_squared()
         };
-        exact::exact_sum(self.comm, y.iter().map(energy))
+        exact::exact_sum(self.comm, y.len(), |i| energy(&y[i]))
     }
 
     /// Potential energy (J) of all contacts and heights at `y`: rho(0) times the stored energy, so that H of
     /// docs/design.md never grows; and the largest overlap (m). Collective.
     pub fn potential_energy(&mut self, y: &[Motion<W>]) -> (f64, f64) {
         self.place(y);
-        let forces = &self.forces;
-        let energy = exact::exact_sum(self.comm, forces.potential_energies());
-        let mut overlap = [forces.largest_overlap()];
+        let Setting { mass, gravity, .. } = self.forces.setting;
+        let height = |i: usize| -mass * gravity.dot(&y[i].x);
+        let (law, forces) = (self.forces.law, &mut self.forces);
+        let stored = Stored(law.energies());
+        let [most, deepest] = forces.largest(&stored);
+        let highest = exact::largest(y.len(), height);
+        let [energy] = exact::exact_sums(self.comm, [larger(most, highest)], |[scale]| {
+            let [stored, _] = forces.total(&stored, |terms| [scale.integer(terms[0]), 0]);
+            [stored + exact::total(y.len(), height, scale)]
+        });
+        let mut overlap = [deepest];
         self.comm.max(&mut overlap);
         (energy, overlap[0])
     }
 
     /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.
     /// Collective.
-    fn dissipation(&self) -> Losses {
-        let own: Vec<Losses> = self.forces.dissipations().collect();
-        [0, 1].map(|k| exact::exact_sum(self.comm, own.iter().map(|losses| losses[k])))
+    fn dissipation(&mut self) -> Losses {
+        let (law, forces) = (self.forces.law, &mut self.forces);
+        let dissipated = Dissipated(law.energies());
+        exact::exact_sums(self.comm, forces.largest(&dissipated), |scales| {
+            forces.total(&dissipated, |power| [0, 1].map(|k| scales[k].integer(power[k])))
+        })
     }
 
     /// Height of the highest point of any sphere against gravity (along z without gravity), from the origin, m.
@@ -422,7 +433,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
                 + inertia * body.omega.vector().norm_squared()
                 + stiffness * body.x.norm_squared()
         };
-        let length = exact::exact_sum(self.comm, v.iter().map(square)).sqrt();
+        let length = exact::exact_sum(self.comm, v.len(), |i| square(&v[i])).sqrt();
         self.clocks.reduction += clock.elapsed();
         length
     }

@@ -6,6 +6,7 @@
 //! same bits.
 
 use crate::contact::{Action, Law, Rebound, Tangential};
+use crate::container::Wall;
 use crate::error::Error;
 use crate::forces::Setting;
 use crate::neighbors::Block;
@@ -190,6 +191,81 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
     }
 }
 
+/// Two numbers that every contact has, of which whole systems have maxima or sums.
+pub trait Measure<W>: Sync {
+    /// Whether velocities and spins matter.
+    const MOVES: bool;
+    /// The numbers of one contact, at any gap; arguments as for [`Law::action`].
+    fn of(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2];
+}
+
+/// The contacts of one block, each once over all blocks of all ranks.
+pub struct Survey<'a, W> {
+    /// Radius of every sphere, m.
+    pub r: f64,
+    /// The walls.
+    pub walls: &'a [Wall],
+    /// Owned particles, then ghosts.
+    pub bodies: &'a [Motion<W>],
+    /// The block's lists.
+    pub block: &'a Block,
+    /// Scratch.
+    pub batch: &'a mut Batch,
+}
+
+/// Hands the numbers of all contacts of the survey to `take`, in no order that matters.
+pub fn measure<W: Spin, M: Measure<W>>(
+    set: InstructionSet,
+    survey: Survey<W>,
+    measure: &M,
+    take: impl FnMut([f64; 2]),
+) {
+    run(set, Measuring(survey, measure, take));
+}
+
+struct Measuring<'a, W, M, F>(Survey<'a, W>, &'a M, F);
+
+impl<W: Spin, M: Measure<W>, F: FnMut([f64; 2])> Vectorised for Measuring<'_, W, M, F> {
+    type Output = ();
+    #[inline(always)]
+    fn work(self) {
+        let Measuring(Survey { r, walls, bodies, block, batch, .. }, measure, mut take) = self;
+        for contacts in block.near.chunks(BATCH) {
+            for (k, &[i, j]) in contacts.iter().enumerate() {
+                let (a, b) = (&bodies[i as usize], &bodies[j as usize]);
+                batch.put_moving::<_, M>(k, &minus(&a.x, &b.x), || {
+                    (minus(&a.v, &b.v), a.omega.plus(&b.omega))
+                });
+                // The others are counted where their first particle is.
+                batch.near[k] = u64::from(block.range.contains(&(i as usize)));
+            }
+            for k in 0..BATCH {
+                let apart = batch.normal(k);
+                let d = dot(&apart, &apart).sqrt();
+                batch.measure(k, measure, d - 2.0 * r, &scaled(1.0 / d, &apart));
+            }
+            for k in 0..contacts.len() {
+                if batch.near[k] == 1 {
+                    take([batch.n[0][k], batch.n[1][k]]);
+                }
+            }
+        }
+        for contacts in block.walls.chunks(BATCH) {
+            for (k, &[i, wall]) in contacts.iter().enumerate() {
+                let (body, wall) = (&bodies[i as usize], &walls[wall as usize]);
+                batch.gap[k] = wall.depth(&body.x) - r;
+                batch.put_moving::<_, M>(k, &-wall.normal, || (body.v, body.omega));
+            }
+            for k in 0..BATCH {
+                batch.measure(k, measure, batch.gap[k], &batch.normal(k));
+            }
+            for k in 0..contacts.len() {
+                take([batch.n[0][k], batch.n[1][k]]);
+            }
+        }
+    }
+}
+
 struct Walls<'a, R, T, W>(Sweep<'a, R, T, W>);
 
 impl<R: Rebound, T: Tangential, W: Spin> Vectorised for Walls<'_, R, T, W> {
@@ -224,6 +300,20 @@ impl Batch {
     #[inline(always)]
     fn normal(&self, k: usize) -> Vec3 {
         Vec3::new(self.n[0][k], self.n[1][k], self.n[2][k])
+    }
+
+    /// `put`, of velocities and spins only where the measure asks for them.
+    #[inline(always)]
+    fn put_moving<W: Spin, M: Measure<W>>(&mut self, k: usize, n: &Vec3, motion: impl FnOnce() -> (Vec3, W)) {
+        let (v, spins) = if M::MOVES { motion() } else { (Vec3::zeros(), W::zero()) };
+        self.put(k, n, &v, &spins);
+    }
+
+    /// Replaces the first two components of the normal by the two numbers of the measure.
+    #[inline(always)]
+    fn measure<W: Spin, M: Measure<W>>(&mut self, k: usize, measure: &M, gap: f64, n: &Vec3) {
+        let v = Vec3::new(self.v[0][k], self.v[1][k], self.v[2][k]);
+        [self.n[0][k], self.n[1][k]] = measure.of(gap, n, &v, &self.torque::<W>(k));
     }
 
     /// Replaces what was put by force and torque; zero unless the contact is `near`.
@@ -302,7 +392,6 @@ fn run<J: Vectorised>(_set: InstructionSet, job: J) -> J::Output {
 mod tests {
     use super::*;
     use crate::contact::{Coulomb, Dissipative, Elastic, Frictionless};
-    use crate::container::Wall;
     use crate::neighbors::{Lists, Order};
     use crate::ode::Linear;
     use crate::particle::{Locked, Spinning};
