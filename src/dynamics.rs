@@ -6,7 +6,7 @@ use crate::domain::migration::{self, Census};
 use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::error::Error;
-use crate::forces::{Broken, Dissipated, Forces, Setting, Stored};
+use crate::forces::{Broken, Depth, Dissipated, Forces, Setting, Stored};
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
 use crate::particle::{Motion, Spin, Vec3};
@@ -342,16 +342,17 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let Setting { mass, gravity, .. } = self.forces.setting;
         let height = |i: usize| -mass * gravity.dot(&y[i].x);
         let (law, forces) = (self.forces.law, &mut self.forces);
-        let stored = Stored(law.energies());
-        let [most, deepest] = forces.largest(&stored);
+        let mut depths = forces.largest(&Depth(law.l_max));
+        self.comm.max(&mut depths);
+        let [depth, overlap] = depths;
+        // The closest contact stores most: all ranks work out the same number.
+        let most = law.energies().stored(law.l_max - depth);
         let highest = exact::largest(y.len(), height);
         let [energy] = exact::exact_sums(self.comm, [larger(most, highest)], |[scale]| {
-            let [stored, _] = forces.total(&stored, |terms| [scale.integer(terms[0]), 0]);
+            let [stored, _] = forces.total(&Stored(law.energies()), |terms| [scale.integer(terms[0]), 0]);
             [stored + exact::total(y.len(), height, scale)]
         });
-        let mut overlap = [deepest];
-        self.comm.max(&mut overlap);
-        (energy, overlap[0])
+        (energy, overlap)
     }
 
     /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.

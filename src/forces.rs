@@ -74,14 +74,27 @@ fn each_block<B: Send, S: Send, A: Send>(
     combine(a, b)
 }
 
-/// What a contact stores (J), and its overlap (m; 0 for a gap).
+/// How far a contact is below the largest gap at which surfaces interact, which it holds, and its overlap, m; 0 where it
+/// is not.
+pub struct Depth(pub f64);
+
+impl<W: Spin> Measure<W> for Depth {
+    const MOVES: bool = false;
+    #[inline(always)]
+    fn of(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
+        let above = |x: f64| if x > 0.0 { x } else { 0.0 };
+        [above(self.0 - gap), above(-gap)]
+    }
+}
+
+/// What a contact stores, J.
 pub struct Stored<'a, R, T>(pub Energies<'a, R, T>);
 
 impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Stored<'_, R, T> {
     const MOVES: bool = false;
     #[inline(always)]
     fn of(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
-        [self.0.stored(gap), if gap < 0.0 { -gap } else { 0.0 }]
+        [self.0.stored(gap), 0.0]
     }
 }
 

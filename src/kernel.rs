@@ -305,8 +305,12 @@ impl Batch {
     /// `put`, of velocities and spins only where the measure asks for them.
     #[inline(always)]
     fn put_moving<W: Spin, M: Measure<W>>(&mut self, k: usize, n: &Vec3, motion: impl FnOnce() -> (Vec3, W)) {
-        let (v, spins) = if M::MOVES { motion() } else { (Vec3::zeros(), W::zero()) };
-        self.put(k, n, &v, &spins);
+        if M::MOVES {
+            let (v, spins) = motion();
+            self.put(k, n, &v, &spins);
+        } else {
+            (self.n[0][k], self.n[1][k], self.n[2][k]) = (n.x, n.y, n.z);
+        }
     }
 
     /// Replaces the first two components of the normal by the two numbers of the measure.
