@@ -16,12 +16,18 @@ use demhybrid::scene::Scene;
 use demhybrid::simulation::Simulation;
 
 /// Takes steps of different sizes by every method, and counts.
-struct Steps;
+struct Steps {
+    /// Whether right-hand sides also tell what they dissipate, as `output.energy` asks for.
+    audited: bool,
+}
 
 impl Job for Steps {
     fn run<R: Rebound, T: Tangential, W: Spin>(self, mut simulation: Simulation<R, T, W>) {
         let y = simulation.state().to_vec();
         let dynamics = simulation.dynamics_mut();
+        if self.audited {
+            dynamics.audit();
+        }
         let mut methods: Vec<Box<dyn Method<Dynamics<R, T, W>> + '_>> = vec![
             Box::new(RungeKutta::new(&MERSON)),
             Box::new(RungeKutta::new(&DORMAND_PRINCE)),
@@ -45,10 +51,14 @@ impl Job for Steps {
             let info = allocation_counter::measure(|| steps(&[1e-5, 1e-4, 3e-4, 1e-5, 2e-4, 1e-4]));
             assert_eq!(info.count_total, 0, "{} allocates in a step: {info:?}", method.name());
         }
+        let mut energies = || (dynamics.kinetic_energy(&y), dynamics.potential_energy(&y));
+        let info = allocation_counter::measure(|| drop(std::hint::black_box(energies())));
+        assert_eq!(info.count_total, 0, "the energies of a frame allocate: {info:?}");
         // The counter counts.
         let info = allocation_counter::measure(|| drop(std::hint::black_box(vec![0u8; 100])));
         assert_eq!(info.count_total, 1);
         assert!(dynamics.ghosts() == 0 && dynamics.small_length() > 0.0);
+        assert!((dynamics.losses() != [0.0; 2]) == self.audited, "lost: {:?} W", dynamics.losses());
     }
 }
 
@@ -62,6 +72,8 @@ fn a_step_allocates_nothing() {
         let walled = Scene::parse("bed", &text, &[]).expect("the scene is valid");
         assert_eq!(walls(&walled.container).len(), 5);
         let scene = Scene { container: walled.container, ..scene(variant) };
-        simulate(&scene, &bed(500), Steps);
+        for audited in [false, true] {
+            simulate(&scene, &bed(500), Steps { audited });
+        }
     }
 }
