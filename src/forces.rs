@@ -196,9 +196,15 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Moves the owned bodies to `y`; the ghosts are in place.
     pub fn put(&mut self, y: &[Motion<W>]) {
-        self.bodies[..self.owned].copy_from_slice(y);
-        let owned = self.bodies[..self.owned].iter().zip(&self.picked);
-        self.strayed = owned.map(|(body, from)| (body.x - from).norm_squared()).fold(0.0, larger);
+        let picked = &self.picked;
+        let put = |first: usize, bodies: &mut [Motion<W>]| {
+            let from = y[first..].iter().zip(&picked[first..]);
+            bodies.iter_mut().zip(from).fold(0.0, |strayed, (body, (y, from))| {
+                *body = *y;
+                larger(strayed, (y.x - from).norm_squared())
+            })
+        };
+        self.strayed = parallel::chunks(&mut self.bodies[..self.owned], parallel::GRAIN, put, 0.0, larger);
         self.follow_near();
     }
 

@@ -396,6 +396,7 @@ fn run<J: Vectorised>(_set: InstructionSet, job: J) -> J::Output {
 mod tests {
     use super::*;
     use crate::contact::{Coulomb, Dissipative, Elastic, Frictionless};
+    use crate::forces::{Dissipated, Stored};
     use crate::neighbors::{Lists, Order};
     use crate::ode::Linear;
     use crate::particle::{Locked, Spinning};
@@ -514,6 +515,71 @@ mod tests {
         check::<_, _, Locked>(law(Dissipative::new(0.4, 10.0), Frictionless));
         check::<_, _, Locked>(law(Dissipative::new(0.4, 10.0), Coulomb::new(0.2, 0.01)));
         check::<_, _, Spinning>(law(Dissipative::new(0.4, 10.0), Coulomb::new(0.2, 0.01)));
+    }
+
+    /// Sums, in units of 2^-40, and maxima of a measure over all contacts.
+    fn measured<W: Spin>(
+        set: InstructionSet,
+        blocks: usize,
+        numbers: &impl Measure<W>,
+    ) -> ([i128; 2], [f64; 2], Vec<Motion<W>>) {
+        let (bodies, lists) = cloud::<W>(300, blocks);
+        let walls = &setting().walls[..];
+        let (mut sums, mut maxima) = ([0; 2], [0.0; 2]);
+        for block in &lists.blocks {
+            let batch = &mut Batch::default();
+            let survey = Survey { r: 0.1, walls, bodies: &bodies, block, batch };
+            measure(set, survey, numbers, |terms| {
+                for k in 0..2 {
+                    sums[k] += (terms[k] * 2f64.powi(40)).round() as i128;
+                    maxima[k] = f64::max(maxima[k], terms[k]);
+                }
+            });
+        }
+        (sums, maxima, bodies)
+    }
+
+    /// The same numbers, contact by contact, over all pairs of bodies and all walls.
+    fn check_measure<W: Spin>(numbers: &impl Measure<W>) {
+        let (sums, maxima, bodies) = measured(InstructionSet::Baseline, 1, numbers);
+        for set in InstructionSet::available() {
+            for blocks in [1, 2, 7] {
+                let found = measured(set, blocks, numbers);
+                assert!((found.0, found.1) == (sums, maxima), "other bits: {}, {blocks} blocks", set.name());
+            }
+        }
+        let (mut expected, mut largest) = ([0.0; 2], [0.0f64; 2]);
+        let mut add = |terms: [f64; 2]| {
+            for k in 0..2 {
+                expected[k] += terms[k];
+                largest[k] = largest[k].max(terms[k]);
+            }
+        };
+        for (i, a) in bodies.iter().enumerate() {
+            for wall in &setting().walls {
+                add(numbers.of(wall.depth(&a.x) - 0.1, &-wall.normal, &a.v, &a.omega));
+            }
+            for b in &bodies[i + 1..] {
+                let apart = a.x - b.x;
+                let n = apart.normalize();
+                add(numbers.of(apart.norm() - 0.2, &n, &(a.v - b.v), &a.omega.plus(&b.omega)));
+            }
+        }
+        for k in 0..2 {
+            let found = sums[k] as f64 * 2f64.powi(-40);
+            assert!((found - expected[k]).abs() <= 1e-9 * expected[k].abs(), "{found} {}", expected[k]);
+            assert!((maxima[k] - largest[k]).abs() <= 1e-12 * largest[k]);
+        }
+    }
+
+    #[test]
+    fn every_contact_is_measured_once_with_any_instructions_and_blocks() {
+        let basic = law(Dissipative::new(0.4, 10.0), Frictionless);
+        let full = law(Dissipative::new(0.4, 10.0), Coulomb::new(0.2, 0.01));
+        check_measure::<Locked>(&Stored(basic.energies()));
+        check_measure::<Spinning>(&Stored(full.energies()));
+        check_measure::<Locked>(&Dissipated(basic.energies()));
+        check_measure::<Spinning>(&Dissipated(full.energies()));
     }
 
     #[test]
