@@ -205,7 +205,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         0.5 * SKIN * self.forces.law.r
     }
 
-    /// From now on every right-hand side also tells the power that it dissipates, which costs about as much again.
+    /// From now on every right-hand side also tells the power that it dissipates, which costs about twice as much again.
     pub fn audit(&mut self) {
         self.audits = true;
     }

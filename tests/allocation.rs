@@ -3,7 +3,6 @@
 
 #[path = "../benches/common/mod.rs"]
 mod beds;
-#[allow(dead_code)] // jobs of the installed program
 #[path = "common/mpirun.rs"]
 mod mpirun;
 
