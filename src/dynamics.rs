@@ -6,7 +6,7 @@ use crate::domain::migration::{self, Census};
 use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::error::Error;
-use crate::forces::{Broken, Forces, Setting};
+use crate::forces::{Broken, Depth, Dissipated, Forces, Setting, Stored};
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
 use crate::particle::{Motion, Spin, Vec3};
@@ -248,7 +248,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         0.5 * SKIN * self.forces.law.r
     }
 
-    /// From now on every right-hand side also tells the power that it dissipates, which costs about as much again.
+    /// From now on every right-hand side also tells the power that it dissipates, which costs about twice as much again.
     pub fn audit(&mut self) {
         self.audits = true;
     }
@@ -375,25 +375,37 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let energy = |body: &Motion<W>| {
             0.5 * mass * body.v.norm_squared() + 0.5 * inertia * body.omega.vector().norm_squared()
         };
-        exact::exact_sum(self.comm, y.iter().map(energy))
+        exact::exact_sum(self.comm, y.len(), |i| energy(&y[i]))
     }
 
     /// Potential energy (J) of all contacts and heights at `y`: rho(0) times the stored energy, so that H of
     /// docs/design.md never grows; and the largest overlap (m). Collective.
     pub fn potential_energy(&mut self, y: &[Motion<W>]) -> (f64, f64) {
         self.place(y);
-        let forces = &self.forces;
-        let energy = exact::exact_sum(self.comm, forces.potential_energies());
-        let mut overlap = [forces.largest_overlap()];
-        self.comm.max(&mut overlap);
-        (energy, overlap[0])
+        let Setting { mass, gravity, .. } = self.forces.setting;
+        let height = |i: usize| -mass * gravity.dot(&y[i].x);
+        let (law, forces) = (self.forces.law, &mut self.forces);
+        let mut depths = forces.largest(&Depth(law.l_max));
+        self.comm.max(&mut depths);
+        let [depth, overlap] = depths;
+        // The closest contact stores most: all ranks work out the same number.
+        let most = law.energies().stored(law.l_max - depth);
+        let highest = exact::largest(y.len(), height);
+        let [energy] = exact::exact_sums(self.comm, [larger(most, highest)], |[scale]| {
+            let [stored, _] = forces.total(&Stored(law.energies()), |terms| [scale.integer(terms[0]), 0]);
+            [stored + exact::total(y.len(), height, scale)]
+        });
+        (energy, overlap)
     }
 
     /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.
     /// Collective.
-    fn dissipation(&self) -> Losses {
-        let own: Vec<Losses> = self.forces.dissipations().collect();
-        [0, 1].map(|k| exact::exact_sum(self.comm, own.iter().map(|losses| losses[k])))
+    fn dissipation(&mut self) -> Losses {
+        let (law, forces) = (self.forces.law, &mut self.forces);
+        let dissipated = Dissipated(law.energies());
+        exact::exact_sums(self.comm, forces.largest(&dissipated), |scales| {
+            forces.total(&dissipated, |power| [0, 1].map(|k| scales[k].integer(power[k])))
+        })
     }
 
     /// Height of the highest point of any sphere against gravity (along z without gravity), from the origin, m.
@@ -465,7 +477,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
                 + inertia * body.omega.vector().norm_squared()
                 + stiffness * body.x.norm_squared()
         };
-        let length = exact::exact_sum(self.comm, v.iter().map(square)).sqrt();
+        let length = exact::exact_sum(self.comm, v.len(), |i| square(&v[i])).sqrt();
         self.clocks.reduction += clock.elapsed();
         length
     }
@@ -509,6 +521,53 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
             error,
             covered: from_origin <= self.free_path().powi(2),
             within_travel: from_start <= self.travel().powi(2),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{Elastic, Frictionless};
+    use crate::domain::comm::team::team;
+    use crate::domain::slabs::imbalance;
+    use crate::particle::Locked;
+
+    /// Place `k` in a lattice of width `d` (m), 10 across, slightly tilted so that no two heights are equal.
+    fn place(k: usize, d: f64) -> Vec3 {
+        let [a, b, c] = [k % 10, k / 10 % 10, k / 100].map(|k| k as f64);
+        Vec3::new(d * a, d * b, d * c + 1e-4 * (10.0 * b + a))
+    }
+
+    #[test]
+    fn slabs_share_out_near_pairs_and_not_particles() {
+        // 500 spheres that touch, and above them 500 far apart.
+        let x: Vec<Vec3> = (0..1000).map(|k| place(k, if k < 500 { 0.19 } else { 0.6 })).collect();
+        let law =
+            Law { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound: Elastic, tangential: Frictionless };
+        // Near pairs are those within the cut-off and a tenth of the radius; alone a particle counts 4.
+        let at = |i: u64| x[i as usize];
+        let work = |i: u64| 3 + x.iter().filter(|other| (at(i) - *other).norm() <= 0.31).count() as u64;
+        for ranks in 2..=3 {
+            team(ranks, |comm| {
+                let ids: Vec<u64> = (0..1000).filter(|id| *id as usize % ranks == comm.rank()).collect();
+                let body = |&id: &u64| Motion { x: x[id as usize], v: Vec3::zeros(), omega: Locked };
+                let mut y = ids.iter().map(body).collect();
+                let setting =
+                    Setting { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
+                let mut dynamics = Dynamics::new(comm, law, setting, 1.0, ids, &mut y).unwrap();
+                // The first lists were not known when the first bounds were set.
+                dynamics.rebuild(&mut Anchor::new(0.0, y)).unwrap();
+                let expected: Vec<u64> = dynamics.ids().iter().map(|&id| work(id)).collect();
+                assert_eq!(dynamics.forces.loads(), expected);
+                let (mut loads, mut counts) = (vec![0; ranks], vec![0; ranks]);
+                loads[comm.rank()] = expected.iter().sum();
+                counts[comm.rank()] = expected.len() as u64;
+                comm.sum(&mut loads);
+                comm.sum(&mut counts);
+                assert!(imbalance(&loads) < 1.1, "{loads:?}");
+                assert!(imbalance(&counts) > 1.3, "{counts:?}");
+            });
         }
     }
 }
