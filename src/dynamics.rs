@@ -555,7 +555,7 @@ mod tests {
                 let mut y = ids.iter().map(body).collect();
                 let setting =
                     Setting { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
-                let mut dynamics = Dynamics::new(comm, law, setting, 1.0, ids, &mut y).unwrap();
+                let mut dynamics = Dynamics::new(comm, law, setting, 1.0, ids, &mut y, &mut []).unwrap();
                 // The first lists were not known when the first bounds were set.
                 dynamics.rebuild(&mut Anchor::new(0.0, y)).unwrap();
                 let expected: Vec<u64> = dynamics.ids().iter().map(|&id| work(id)).collect();
