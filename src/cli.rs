@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use clap::builder::RangedU64ValueParser;
 use clap::{Parser, Subcommand};
+use clap_complete::Shell;
 
 pub use accuracy::AccuracyArgs;
 
@@ -34,6 +35,31 @@ pub struct CommandLine {
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 enum Command {
     Accuracy(Box<AccuracyArgs>),
+    #[command(flatten)]
+    Tool(Tool),
+}
+
+/// What needs neither MPI nor a simulation.
+#[derive(Debug, Clone, PartialEq, Subcommand)]
+pub enum Tool {
+    /// Write a scene with comments to start from
+    Init {
+        /// Scene file to write
+        #[arg(default_value = "scene.toml")]
+        scene: PathBuf,
+        /// Replace an existing file
+        #[arg(long)]
+        force: bool,
+    },
+    /// Print the JSON schema of scenes, for editors that complete and check TOML
+    Schema,
+    /// Print the completions of this program for a shell
+    Completions {
+        /// Shell
+        shell: Shell,
+    },
+    /// Print the manual page, for man -l -
+    Man,
 }
 
 /// What a command line asks for.
@@ -43,6 +69,8 @@ pub enum Work {
     Run(Args),
     /// To compare solvers on a scene.
     Accuracy(Box<AccuracyArgs>),
+    /// To do something else than compute.
+    Tool(Tool),
 }
 
 impl CommandLine {
@@ -50,6 +78,7 @@ impl CommandLine {
     pub fn work(self) -> Work {
         match (self.command, self.run) {
             (Some(Command::Accuracy(args)), _) => Work::Accuracy(args),
+            (Some(Command::Tool(tool)), _) => Work::Tool(tool),
             (None, run) => Work::Run(run.expect("without a command the scene is required")),
         }
     }
@@ -107,8 +136,9 @@ Examples:
   mpirun -n 4 demhybrid configs/settle.toml --threads 2 --force
   mpirun -n 2 demhybrid --resume settle.vtkhdf
   demhybrid accuracy configs/quick.toml
+  demhybrid init my.toml
 
-A scene whose file is called accuracy is run by demhybrid ./accuracy.
+A scene whose file has the name of a command, like accuracy, is run by demhybrid ./accuracy.
 
 Exit codes:
   0      done
@@ -129,7 +159,7 @@ mod tests {
     fn parse(line: &str) -> Result<Args, clap::Error> {
         match CommandLine::try_parse_from(line.split_whitespace())?.work() {
             Work::Run(args) => Ok(args),
-            Work::Accuracy(args) => panic!("{args:?}"),
+            other => panic!("{other:?}"),
         }
     }
 

@@ -4,7 +4,7 @@ use clap::Parser;
 use demhybrid::cli::{CommandLine, Work};
 use demhybrid::domain::{Comm, World};
 use demhybrid::error::Error;
-use demhybrid::{accuracy, launch, program};
+use demhybrid::{accuracy, launch, program, tools};
 use mpi::Threading;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
@@ -23,6 +23,9 @@ fn main() {
         }
         std::process::exit(message.exit_code())
     });
+    if let Work::Tool(tool) = &work {
+        std::process::exit(tools::alone(tool))
+    }
     let faults = fail::FailScenario::setup();
     let Some((universe, threading)) = mpi::initialize_with_threading(Threading::Funneled) else {
         launch::say("demhybrid: MPI cannot be started");
@@ -38,6 +41,7 @@ fn main() {
         match &work {
             Work::Run(args) => program::run(args, &world),
             Work::Accuracy(args) => accuracy::command::run(args, &world),
+            Work::Tool(_) => unreachable!("tools work without MPI"),
         }
     }));
     let code = match outcome {

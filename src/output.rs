@@ -20,7 +20,7 @@ use crate::error::Error;
 use crate::ode::{Limit, Losses};
 use frames::Frames;
 pub use place::size;
-pub use reopen::{Found, first_frame, inspect, prepare};
+pub use reopen::{Found, first_frame, frame, inspect, prepare};
 
 /// What the run says of itself once, as attributes of `/run`.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,6 +5,7 @@
 
 mod check;
 mod keys;
+mod schema;
 mod source;
 
 use std::path::{Path, PathBuf};
@@ -13,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
 pub(crate) use check::cells_along;
+pub use schema::schema;
 use source::Source;
 pub(crate) use source::brief;
 

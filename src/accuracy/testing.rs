@@ -23,6 +23,6 @@ pub fn args(more: &str) -> AccuracyArgs {
     let line = format!("demhybrid accuracy eight.toml {more}");
     match CommandLine::try_parse_from(line.split_whitespace()).unwrap().work() {
         Work::Accuracy(args) => *args,
-        Work::Run(args) => panic!("{args:?}"),
+        other => panic!("{other:?}"),
     }
 }

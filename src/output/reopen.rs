@@ -53,16 +53,21 @@ pub fn inspect(path: &Path) -> Result<Found, String> {
     })
 }
 
-/// The state of all particles in the first frame.
+/// The state of all `count` particles in the first frame.
 pub fn first_frame(path: &Path, count: u64) -> Result<Start, String> {
-    let file = open(path)?;
-    let rows = |name: &str| -> hdf5::Result<Vec<[f64; 3]>> {
-        let all = file.dataset(name)?.read_slice_2d::<f64, _>((0..count as usize, ..))?;
-        Ok(all.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+    frame(&open(path)?, 0, count)
+}
+
+/// The state of all `count` particles in frame `k`, which must be complete.
+pub fn frame(file: &File, k: u64, count: u64) -> Result<Start, String> {
+    let (first, end) = ((k * count) as usize, ((k + 1) * count) as usize);
+    let rows = |name: &str| -> Result<Vec<[f64; 3]>, String> {
+        let all = file.dataset(name).and_then(|rows| rows.read_slice_2d::<f64, _>((first..end, ..)));
+        Ok(all.map_err(say)?.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
     };
     let spins = "VTKHDF/PointData/angular_velocity";
-    let (x, v) = (rows("VTKHDF/Points").map_err(say)?, rows("VTKHDF/PointData/velocity").map_err(say)?);
-    let omega = if file.link_exists(spins) { rows(spins).map_err(say)? } else { vec![[0.0; 3]; x.len()] };
+    let (x, v) = (rows("VTKHDF/Points")?, rows("VTKHDF/PointData/velocity")?);
+    let omega = if file.link_exists(spins) { rows(spins)? } else { vec![[0.0; 3]; x.len()] };
     Ok(Start { x, v, omega })
 }
 
