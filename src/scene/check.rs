@@ -4,7 +4,7 @@ use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
 
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
-use super::source::{Source, Span};
+use super::source::{Source, Span, brief};
 use super::{BoxSides, Container, Grid, Scene};
 use crate::error::Error;
 
@@ -174,6 +174,8 @@ fn joined(table: &str, name: &str) -> String {
 /// What to say about a key that does not exist: the nearest ones that do.
 fn unknown(schema: &str, shown: &str, name: &str) -> String {
     let known: Vec<_> = keys::of_table(schema).map(Key::name).collect();
+    // The distance of two words takes time and memory in proportion to the product of their lengths.
+    let name = &brief(name);
     let near = |other: &str| strsim::normalized_damerau_levenshtein(&name.to_lowercase(), other);
     const NEAR_ENOUGH: f64 = 0.6;
     let nearest = |names: &mut dyn Iterator<Item = &'static Key>| {

@@ -6,8 +6,12 @@ use std::collections::HashMap;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+use toml_parser::lexer::TokenKind;
 
 use crate::error::Error;
+
+/// Deepest nesting of brackets, braces and words of a key; a scene needs three.
+const DEEPEST: usize = 32;
 
 /// Byte range in the virtual source.
 pub(super) type Span = std::ops::Range<usize>;
@@ -55,13 +59,18 @@ impl<'a> Source<'a> {
     /// The scene's table with every `--set` merged into it, in order: a later value replaces an earlier one, a table
     /// is merged key by key, missing tables are created.
     pub fn merged<'i>(&self, text: &'i str, sets: &'i [SetDocument]) -> Result<Spanned<DeTable<'i>>, Error> {
+        if let Some(place) = too_deep(text) {
+            let message =
+                format!("not valid TOML: brackets are open {DEEPEST} deep and never closed in order");
+            return Err(self.error(Some(place), &message));
+        }
         let mut table = DeTable::parse(text).map_err(|mistake| {
             self.error(mistake.span(), &format!("not valid TOML: {}", mistake.message()))
         })?;
         for set in sets {
             put(table.get_mut(), &set.words, set.parsed()).map_err(|depth| {
                 let above = set.words[..=depth].iter().map(|word| word.get_ref().as_str()).collect::<Vec<_>>();
-                let (above, below) = (above.join("."), set.words[depth + 1].get_ref());
+                let (above, below) = (brief(&above.join(".")), brief(set.words[depth + 1].get_ref()));
                 let message = format!(
                     "{above} is not a table in the scene and has no key {below}: --set {above}=VALUE replaces it as a whole"
                 );
@@ -137,16 +146,39 @@ fn set_document(set: &str, start: usize) -> Result<SetDocument, Error> {
         let trimmed = word.trim();
         if trimmed.is_empty() || !trimmed.chars().all(bare) {
             return Err(wrong(&format!(
-                "{key:?} is not a key, which is made of words with dots between them"
+                "{:?} is not a key, which is made of words with dots between them",
+                brief(key)
             )));
         }
         words.push(Spanned::new(offset..offset + word.len(), trimmed.to_owned()));
         offset += word.len() + 1;
     }
+    if words.len() > DEEPEST || too_deep(value).is_some() {
+        return Err(wrong(&format!("it is nested more than {DEEPEST} deep")));
+    }
     // `offset` is now behind the `=`: at least two bytes, a letter and the `=`, come before VALUE.
     let document = format!("{}v={value}", " ".repeat(offset - 2));
     let document = single_value(&document).is_some().then_some(document);
     Ok(SetDocument { words, value: offset..offset + value.len(), document, raw: value.trim().to_owned() })
+}
+
+/// The bracket or brace with which a text is nested too deep to be parsed: the parser descends once a level, and bounds
+/// that by a count that stray closing brackets put wrong (toml_parser 1.1.5), until the stack ends. Here a bracket closes
+/// nothing unless it matches the last open one, so that the parser is never deeper than this count.
+fn too_deep(text: &str) -> Option<Span> {
+    let mut open = Vec::new();
+    for token in toml_parser::Source::new(text).lex() {
+        match token.kind() {
+            kind @ (TokenKind::LeftSquareBracket | TokenKind::LeftCurlyBracket) => open.push(kind),
+            TokenKind::RightSquareBracket => drop(open.pop_if(|top| *top == TokenKind::LeftSquareBracket)),
+            TokenKind::RightCurlyBracket => drop(open.pop_if(|top| *top == TokenKind::LeftCurlyBracket)),
+            _ => {}
+        }
+        if open.len() > DEEPEST {
+            return Some(token.span().start()..token.span().end());
+        }
+    }
+    None
 }
 
 /// The value of a document that holds the key `v` only and can be read as it is.
