@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::Error;
 pub(crate) use check::cells_along;
 use source::Source;
-pub(crate) use source::brief;
+pub(crate) use source::{brief, shown};
 
 /// A checked scene, every default filled in. SI units throughout.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

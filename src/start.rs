@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::container::{described_walls, short, triple};
 use crate::error::Error;
-use crate::scene::{Grid, Scene, cells_along};
+use crate::scene::{Grid, Scene, cells_along, shown};
 pub use file::read_csv;
 
 /// Initial state of all particles; row `k` is the particle of id `k`, all three lists have one length.
@@ -81,7 +81,7 @@ const NO_ROTATION: &str = "this scene has no rotation: spins must be 0 or left o
 /// Where the initial state comes from, for messages.
 fn origin(scene: &Scene) -> String {
     match &scene.particles.file {
-        Some(file) => file.display().to_string(),
+        Some(file) => shown(file),
         None => "particles.grid".to_owned(),
     }
 }

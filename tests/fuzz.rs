@@ -108,26 +108,26 @@ fn campaign<S: Strategy>(
 #[test]
 fn noise_and_words_of_the_language_are_scenes_or_messages() {
     let judge = Judge::new();
-    campaign("noise as scenes", 1500, &words(), |text| judge.scene(text.as_bytes(), &[]));
+    campaign("noise as scenes", 20_000, &words(), |text| judge.scene(text.as_bytes(), &[]));
 }
 
 #[test]
 fn mutated_scenes_are_scenes_or_messages() {
     let (judge, corpus) = (Judge::new(), Corpus::scenes());
-    campaign("mutated scenes", 3000, &scenes(&corpus), |case| judge.scene(&edited(&corpus, case), &[]));
+    campaign("mutated scenes", 4000, &scenes(&corpus), |case| judge.scene(&edited(&corpus, case), &[]));
 }
 
 #[test]
 fn known_keys_with_any_values_are_scenes_or_messages() {
     let judge = Judge::new();
-    campaign("any values", 3000, &settings(), |case| judge.scene(case.text().as_bytes(), &case.sets()));
+    campaign("any values", 10_000, &settings(), |case| judge.scene(case.text().as_bytes(), &case.sets()));
 }
 
 #[test]
 fn particle_files_are_particles_or_messages() {
     let (judge, corpus) = (Judge::new(), Corpus::particle_files());
     let strategy = particle_files(&corpus);
-    campaign("particle files", 2000, &strategy, |case| judge.particle_file(&edited(&corpus, case)));
+    campaign("particle files", 5000, &strategy, |case| judge.particle_file(&edited(&corpus, case)));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::path::Path;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -263,6 +264,17 @@ pub(crate) fn brief(text: &str) -> String {
         short.push_str("...");
     }
     short
+}
+
+/// A path on one line, its end if it is very long.
+pub(crate) fn shown(path: &Path) -> String {
+    const LONGEST: usize = 300;
+    let printable = |c: char| if c.is_control() { ' ' } else { c };
+    let text: Vec<char> = path.to_string_lossy().chars().map(printable).collect();
+    match text.len() {
+        0..=LONGEST => text.into_iter().collect(),
+        length => "...".chars().chain(text.into_iter().skip(length - LONGEST)).collect(),
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use csv::StringRecord;
 
 use super::{NO_ROTATION, Start};
 use crate::error::Error;
-use crate::scene::{Scene, brief};
+use crate::scene::{Scene, brief, shown};
 
 /// Rows that one run may read.
 const MOST_ROWS: usize = 1_000_000_000;
@@ -28,7 +28,7 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<Start, Error> {
         return Err(Error::Input("particles.file is missing: there is no CSV file to read".to_owned()));
     };
     let path = scene_folder.join(file);
-    let name = path.display().to_string();
+    let name = shown(&path);
     let bytes = std::fs::read(&path).map_err(|why| {
         Error::Input(format!(
             "{name}: cannot read the file that particles.file names: {why}: a relative path starts at the folder \
@@ -81,7 +81,7 @@ impl Table<'_> {
                     "the row has {} fields, but the first line names {} columns ({})",
                     row.len(),
                     header.len(),
-                    header.join(",")
+                    brief(&header.join(","))
                 );
                 return Err(self.wrong(&row, &message));
             }
@@ -115,7 +115,10 @@ impl Table<'_> {
             let mut named = header.iter().enumerate().filter(|(_, other)| *other == name);
             *column = named.next().map(|(number, _)| number);
             if named.next().is_some() {
-                let message = format!("column {name} is named twice: {}", header.join(","));
+                let message = format!(
+                    "column {name} is named twice; the first line is {}: each name may stand there once",
+                    brief(&header.join(","))
+                );
                 return Err(Error::Input(format!("{}:{line}: {message}", self.name)));
             }
         }

@@ -236,7 +236,10 @@ fn edit(words: &'static [&'static str]) -> impl Strategy<Value = Edit> {
 }
 
 fn mutations(corpus: &Corpus, words: &'static [&'static str]) -> impl Strategy<Value = Mutation> + use<> {
-    (0..corpus.files.len(), vec(edit(words), 1..6)).prop_map(|(file, edits)| Mutation { file, edits })
+    // Changed numbers alone leave more that is accepted.
+    let figures = (any::<u16>(), number()).prop_map(|(at, text)| Edit::Number(at, text));
+    let edits = prop_oneof![2 => vec(edit(words), 1..6), 1 => vec(figures, 1..4)];
+    (0..corpus.files.len(), edits).prop_map(|(file, edits)| Mutation { file, edits })
 }
 
 /// Scenes with a few changes.
@@ -400,16 +403,74 @@ fn put(table: &mut toml::Table, key: &str, value: Option<toml::Value>) {
     }
 }
 
+/// Keys that take a number > 0.
+const POSITIVE: &[&str] = &[
+    "t_end",
+    "particles.radius",
+    "particles.mass",
+    "particles.grid.spacing",
+    "particles.grid.jitter",
+    "particles.grid.bottom",
+    "contact.repulsion_at_contact",
+    "contact.stiffness_exponent",
+    "contact.dissipation_focusing",
+    "contact.interaction_distance",
+    "friction.coefficient",
+    "friction.regularization_velocity",
+    "solver.tolerance",
+    "solver.velocity_scale",
+    "solver.initial_step",
+    "solver.min_step",
+    "solver.max_step",
+    "output.interval",
+];
+
+/// Settings that are right, so that steps are taken by every method and of every effect.
+const RIGHT: &[(&str, &str)] = &[
+    ("contact.restitution", "1"),
+    ("contact.restitution", "0"),
+    ("contact.restitution", "0.7"),
+    ("friction.coefficient", "0"),
+    ("friction", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
+    ("friction.rotation", "false"),
+    ("output.energy", "true"),
+    ("solver", "{ method = \"velocity-verlet\", step = 1e-4 }"),
+    ("solver", "{ method = \"velocity-verlet\", step = 1e300 }"),
+    ("solver.method", "\"auto\""),
+    ("solver.method", "\"chebyshev\""),
+    ("solver.method", "\"dormand-prince\""),
+    ("solver.norm", "\"scaled\""),
+    ("gravity", "[0, 0, 0]"),
+    ("gravity", "[1e308, 1e308, 1e308]"),
+    ("gravity", "[0, 5e-324, 0]"),
+    ("particles.grid.count", "1"),
+    ("particles.grid.count", "60"),
+    ("particles.grid.count", "1000000000"),
+    ("container.wall", "[{ normal = [0, 0, -1], point = [0, 0, -1e300] }]"),
+    ("particles.grid.bottom", "-0.3"),
+    ("container.box", "{ min = [-1e308, -1e308, -1e308], max = [1e308, 1e308, 1e308] }"),
+    ("container.box", "{ min = [-1e9, -1e9, -inf], max = [1e9, 1e9, inf] }"),
+];
+
 /// Known keys with values of any type and size.
 pub fn settings() -> impl Strategy<Value = Settings> {
     let text = any::<String>().prop_map(|text| toml::Value::String(text).to_string());
-    let value = prop_oneof![
-        6 => number(),
+    let any_value = prop_oneof![
+        3 => number(),
         2 => select(VALUES).prop_map(str::to_owned),
         1 => text,
         2 => (number(), number(), number()).prop_map(|(a, b, c)| format!("[{a}, {b}, {c}]")),
         1 => any::<String>(),
     ];
-    let pair = (select(KEYS), value, any::<bool>());
-    (any::<bool>(), vec(pair, 1..4)).prop_map(|(grid, values)| Settings { grid, values })
+    let positive = prop_oneof![
+        (-310i32..309).prop_map(|power| format!("1e{power}")),
+        (-4i32..4, 1u32..100).prop_map(|(power, digits)| format!("{digits}e{power}")),
+    ];
+    let pair = prop_oneof![
+        2 => (select(KEYS), any_value),
+        8 => (select(POSITIVE), positive),
+        5 => select(RIGHT).prop_map(|(key, value)| (key, value.to_owned())),
+    ];
+    let pair = (pair, any::<bool>()).prop_map(|((key, value), set)| (key, value, set));
+    (any::<bool>(), vec(pair, 1..5)).prop_map(|(grid, values)| Settings { grid, values })
 }
