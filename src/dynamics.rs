@@ -7,6 +7,7 @@ use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::error::Error;
 use crate::forces::{Broken, Forces, Setting};
+use crate::kernel::InstructionSet;
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
 use crate::particle::{Motion, Spin, Vec3};
@@ -79,7 +80,8 @@ pub struct Dynamics<'c, R, T, W> {
 
 impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// Takes the particles `ids` with their states `y`, spread over the ranks in any way, and brings each to the rank
-    /// that owns it. Ids must be 0..count over all ranks; `velocity_scale` is a speed that matters, m/s. Collective.
+    /// that owns it. Ids must be 0..count over all ranks; `velocity_scale` is a speed that matters, m/s. Fails where
+    /// `InstructionSet::chosen` does, which must be the same on all ranks. Collective.
     pub fn new(
         comm: &'c dyn Comm,
         law: Law<R, T>,
@@ -88,12 +90,13 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         ids: Vec<u64>,
         y: &mut Vec<Motion<W>>,
     ) -> Result<Self, Error> {
+        let [set, _] = common_instructions(comm, InstructionSet::chosen()?);
         let mut slabs = Slabs::new(comm.size());
         slabs.balance(comm, y.iter().map(|body| (body.x.z, 1)));
         let mut dynamics = Dynamics {
             census: Census::take(comm, &ids),
             comm,
-            forces: Forces::new(law, setting)?,
+            forces: Forces::new(law, setting, set),
             slabs,
             halo: Halo::default(),
             ids,
@@ -363,6 +366,15 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     }
 }
 
+/// The narrowest and the widest of the instruction sets that the ranks offer; `own` is this rank's. All use the narrowest.
+/// Collective.
+pub fn common_instructions(comm: &dyn Comm, own: InstructionSet) -> [InstructionSet; 2] {
+    let number = InstructionSet::ALL.iter().position(|&set| set == own).unwrap_or(0) as f64;
+    let mut ends = [-number, number];
+    comm.max(&mut ends);
+    ends.map(|end| InstructionSet::ALL[end.abs() as usize])
+}
+
 /// Largest speed, m/s.
 fn fastest<W>(y: &[Motion<W>]) -> f64 {
     y.iter().fold(0.0, |speed, body| larger(speed, body.v.norm_squared())).sqrt()
@@ -467,3 +479,6 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

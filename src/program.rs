@@ -3,7 +3,7 @@
 use crate::cli::Args;
 use crate::contact::{Law, Rebound, Tangential};
 use crate::domain::{Comm, rows};
-use crate::dynamics::Clocks;
+use crate::dynamics::{Clocks, common_instructions};
 use crate::error::Error;
 use crate::kernel::InstructionSet;
 use crate::launch;
@@ -22,6 +22,7 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     launch::check_launcher(comm.size())?;
     let (threads, bound) = agree(comm, launch::start_threads(comm, args.threads))?;
     let set = agree(comm, InstructionSet::chosen())?;
+    let [set, widest] = common_instructions(comm, set);
     let (scene, start) = load_for_output(args, comm)?;
     let file = scene.output.file.clone().unwrap_or_default();
     share(comm, || spare_the_input(args, &scene, &file))?;
@@ -30,7 +31,8 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     let cut = report::cut_force_warning(&scene);
     if comm.rank() == 0 {
         let doubles = report::double_wall_warnings(&scene);
-        bound.iter().chain(&cut).chain(&doubles).for_each(|warning| launch::say(warning));
+        let mixed = launch::mixed_machines_warning(set, widest);
+        bound.iter().chain(&mixed).chain(&cut).chain(&doubles).for_each(|warning| launch::say(warning));
     }
     if args.dry_run {
         let output = match &place {

@@ -50,7 +50,11 @@ pub fn check(scene: &Scene, start: &Start) -> Result<(), Error> {
     let walls = described_walls(&scene.container);
     let rotates = scene.rotates();
     for (id, ((x, v), omega)) in start.x.iter().zip(&start.v).zip(&start.omega).enumerate() {
-        let wrong = |what: &str| Err(Error::Input(format!("{}: particle {id} {what}", origin(scene))));
+        let row = match scene.particles.file {
+            Some(_) => format!(" (row {} below the first line)", id + 1),
+            None => String::new(),
+        };
+        let wrong = |what: &str| Err(Error::Input(format!("{}: particle {id}{row} {what}", origin(scene))));
         for (name, vector) in [("position", x), ("velocity", v), ("angular velocity", omega)] {
             if !vector.iter().all(|number| number.is_finite()) {
                 return wrong(&format!("has the {name} {}: all numbers must be finite", triple(vector)));

@@ -282,7 +282,8 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
         let side = max - min;
         if cells_along(side, grid.spacing) == 0 {
             let message = format!(
-                "{} is larger than the side of container.box in {axis}, {side} m: not one cell of the grid fits in",
+                "{} is larger than the side of container.box in {axis}, {side} m: not one cell of the grid fits in, it must \
+                 be at most that",
                 source.setting("particles.grid.spacing", grid.spacing, "m")
             );
             let place = source.value("particles.grid.spacing").or_else(|| source.value("container.box.max"));
@@ -296,6 +297,10 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
 fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
     let solver = &scene.solver;
     let fixed = solver.method == keys::VELOCITY_VERLET;
+    let given = |path: &str| {
+        let value = source.value(path).map(|span| source.written(&span)).unwrap_or_default();
+        format!("{path} = {value}")
+    };
     let (key, message) = match (fixed, solver.step, solver.tolerance) {
         (true, None, _) => (
             "solver.method",
@@ -303,13 +308,16 @@ fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
         ),
         (true, Some(_), Some(_)) => (
             "solver.tolerance",
-            "solver.tolerance has no meaning for velocity-verlet, whose step is fixed by solver.step; leave it out"
-                .to_owned(),
+            format!(
+                "{} has no meaning for velocity-verlet, whose step is fixed by solver.step: leave it out",
+                given("solver.tolerance")
+            ),
         ),
         (false, Some(_), _) => (
             "solver.step",
             format!(
-                "solver.step is for velocity-verlet alone; the step of {} follows from solver.tolerance",
+                "{} is for method = \"velocity-verlet\" alone: leave it out, the step of {} follows from solver.tolerance",
+                given("solver.step"),
                 solver.method
             ),
         ),

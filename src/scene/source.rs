@@ -66,7 +66,11 @@ impl<'a> Source<'a> {
             return Err(self.error(Some(place), &message));
         }
         let mut table = DeTable::parse(text).map_err(|mistake| {
-            self.error(mistake.span(), &format!("not valid TOML: {}", mistake.message()))
+            let hint = match mistake.message() {
+                "duplicate key" => ": each key and each [table] may stand there once",
+                _ => "",
+            };
+            self.error(mistake.span(), &format!("not valid TOML: {}{hint}", mistake.message()))
         })?;
         for set in sets {
             put(table.get_mut(), &set.words, set.parsed()).map_err(|depth| {

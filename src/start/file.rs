@@ -77,8 +77,12 @@ impl Table<'_> {
                 continue;
             }
             if row.len() != header.len() {
+                let hint = match row.len() > header.len() {
+                    true => ": commas separate fields, decimals follow a point",
+                    false => ": every row needs all of them",
+                };
                 let message = format!(
-                    "the row has {} fields, but the first line names {} columns ({})",
+                    "the row has {} fields, but the first line names {} columns ({}){hint}",
                     row.len(),
                     header.len(),
                     brief(&header.join(","))
