@@ -288,7 +288,8 @@ fn ranks_with_different_instructions_all_use_the_narrowest_and_say_so() {
         let said = format!("warning: some ranks run {} instructions, others only baseline", widest.name());
         assert!(warning.starts_with(&said), "{warning}");
     }
-    let job = Job::on(2, folder.path(), &["heap.toml", "--set", "particles.grid.seed=1", "-q", "--force"]);
+    let folder = self::folder();
+    let job = Job::on(2, folder.path(), &["heap.toml", "--set", "particles.grid.seed=1", "-q"]);
     let ended = job.run().with_code(0);
     assert!(!ended.stderr.contains("instructions"), "{}", ended.stderr);
     let equal = Results::open(&folder.path().join("heap.vtkhdf"));

@@ -319,17 +319,3 @@ fn the_scene_of_the_readme_runs_as_it_is_printed() {
     let start = start::grid(&scene, scene.particles.grid.as_ref().expect("it has a grid"));
     assert_eq!(start::check(&scene, &start), Ok(()));
 }
-#[test]
-fn zz_print() {
-    for file in scenes("tests/scenes/bad") {
-        println!(
-            "{}|| {}",
-            file.file_name().unwrap().to_str().unwrap(),
-            refusal(&file, &[])
-                .replace(folder("tests/scenes/bad").to_str().unwrap(), "BAD")
-                .lines()
-                .next()
-                .unwrap()
-        );
-    }
-}

@@ -233,7 +233,7 @@ fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {
         )),
         (None, None) => Err(source.error(
             source.key("particles"),
-            &format!("particles.file or particles.grid is missing: one of them says where the spheres start, {example}"),
+            &format!("particles.file or particles.grid is missing: one of them must say where the spheres start, {example}"),
         )),
         _ => Ok(()),
     }

@@ -61,8 +61,9 @@ impl<'a> Source<'a> {
     /// is merged key by key, missing tables are created.
     pub fn merged<'i>(&self, text: &'i str, sets: &'i [SetDocument]) -> Result<Spanned<DeTable<'i>>, Error> {
         if let Some(place) = too_deep(text) {
-            let message =
-                format!("not valid TOML: brackets are open {DEEPEST} deep and never closed in order");
+            let message = format!(
+                "not valid TOML: brackets are open {DEEPEST} deep: each must be closed by its own kind"
+            );
             return Err(self.error(Some(place), &message));
         }
         let mut table = DeTable::parse(text).map_err(|mistake| {

@@ -31,8 +31,8 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<Start, Error> {
     let name = shown(&path);
     let bytes = std::fs::read(&path).map_err(|why| {
         Error::Input(format!(
-            "{name}: cannot read the file that particles.file names: {why}: a relative path starts at the folder \
-             of the scene"
+            "{name}: cannot read the file that particles.file names: {why}: it must be a CSV file, and a relative path \
+             starts at the folder of the scene"
         ))
     })?;
     let text = String::from_utf8(bytes).map_err(|mistake| {
@@ -100,7 +100,7 @@ impl Table<'_> {
         }
         if start.x.is_empty() {
             return Err(Error::Input(format!(
-                "{}: no particles: there is no row below the first line, which names the columns",
+                "{}: no particles: there must be a row for each below the first line, which names the columns",
                 self.name
             )));
         }
@@ -149,14 +149,14 @@ impl Table<'_> {
         let hint = if first.contains([';', '\t']) {
             "; fields must be separated by commas"
         } else if header.iter().all(|name| name.parse::<f64>().is_ok()) {
-            "; it must name the columns, numbers start below it"
+            "; numbers start below it"
         } else if header.iter().any(|name| ["X", "Y", "Z"].contains(&name.as_str())) {
             "; names are in lower case"
         } else {
             ""
         };
         let message = format!(
-            "columns x, y and z are missing: they are the centre in m; the first line is {}{hint}",
+            "columns x, y and z are missing: the first line must name them, they are the centre in m; it is {}{hint}",
             brief(&first)
         );
         Error::Input(format!("{}:{line}: {message}", self.name))
