@@ -69,7 +69,7 @@ fn load_for_output(args: &Args, comm: &dyn Comm) -> Result<(Scene, Start), Error
 pub(crate) fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Start), Error> {
     let text = share(comm, || {
         let unreadable = |why| Error::Input(format!("{}: the scene cannot be read: {why}", path.display()));
-        std::fs::read(path)
+        start::read_bytes(path)
             .map_err(|why| unreadable(why.to_string()))
             .and_then(|bytes| String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".into())))
     })?;

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::container::{described_walls, short, triple};
 use crate::error::Error;
 use crate::scene::{Grid, Scene, cells_along, shown};
+pub(crate) use file::read_bytes;
 pub use file::read_csv;
 
 /// Initial state of all particles; row `k` is the particle of id `k`, all three lists have one length.

@@ -16,7 +16,7 @@ mod verdict;
 use cases::{Corpus, edited, particle_files, scenes, settings, words};
 use proptest::strategy::Strategy;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::io::Write;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
@@ -58,7 +58,7 @@ fn campaign<S: Strategy>(
 ) {
     let (seconds, first) = (variable("FUZZ_SECONDS"), variable("FUZZ_SEED").unwrap_or(1));
     let started = Instant::now();
-    let (tally, slowest) = (Cell::new(Tally::default()), Cell::new(Duration::ZERO));
+    let (tally, slowest) = (Cell::new(Tally::default()), RefCell::new((Duration::ZERO, String::new())));
     let (beat, beats) = channel();
     let case = Arc::new(Mutex::new(String::new()));
     let watcher = {
@@ -77,10 +77,14 @@ fn campaign<S: Strategy>(
         bytes[..8].copy_from_slice(&seed.to_le_bytes());
         let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes));
         let outcome = runner.run(strategy, |value| {
-            *case.lock().expect("the watcher does not panic") = format!("FUZZ_SEED={seed} {value:?}");
+            let described = format!("FUZZ_SEED={seed} {value:?}");
+            case.lock().expect("the watcher does not panic").clone_from(&described);
             let clock = Instant::now();
             let found = judge(&value);
-            slowest.set(slowest.get().max(clock.elapsed()));
+            let took = clock.elapsed();
+            if took > slowest.borrow().0 {
+                slowest.replace((took, described));
+            }
             beat.send(()).expect("the watcher lives as long as there are cases");
             tally.set(tally.get() + found.map_err(TestCaseError::fail)?);
             Ok(())
@@ -92,14 +96,16 @@ fn campaign<S: Strategy>(
     }
     drop(beat);
     watcher.join().expect("the watcher ends with the campaign");
+    let (took, slow) = slowest.into_inner();
     let Tally { cases, accepted, refused, advanced, failed } = tally.get();
     // Not println: the test runner would hide it.
     let _ = writeln!(
         std::io::stderr(),
         "fuzz: {name}: {cases} executions from seed {first} in {:.1} s: {accepted} accepted, {refused} refused, {advanced} \
-         took steps, {failed} of them ended by a numerical message; 0 panics, 0 hangs, slowest {:.0} ms",
+         took steps, {failed} of them ended by a numerical message; 0 panics, 0 hangs, slowest {:.0} ms: {}",
         started.elapsed().as_secs_f64(),
-        slowest.get().as_secs_f64() * 1e3
+        took.as_secs_f64() * 1e3,
+        slow.chars().take(300).collect::<String>()
     );
     // A campaign that only ever sees one side finds little.
     assert!(refused > 0, "{name} had nothing refused");

@@ -80,10 +80,11 @@ fn bad_scenes_are_refused_with_the_message_they_carry() {
 
 /// Bad scenes whose mistake has no line: something is missing at the top, or a file as a whole is wrong. Particles
 /// that do not fit the walls are named by id, and by the row of their file.
-const WITHOUT_LINE: [&str; 12] = [
+const WITHOUT_LINE: [&str; 13] = [
     "contact-missing",
     "csv-beyond-a-wall",
     "csv-empty",
+    "csv-file-is-a-device",
     "csv-file-is-a-folder",
     "csv-file-missing",
     "csv-no-rows",

@@ -1,5 +1,8 @@
 //! The CSV file of the initial state: columns found by the names in its first line, one row per particle.
 
+use std::fs::File;
+use std::io::Read;
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 
 use csv::StringRecord;
@@ -29,7 +32,7 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<Start, Error> {
     };
     let path = scene_folder.join(file);
     let name = shown(&path);
-    let bytes = std::fs::read(&path).map_err(|why| {
+    let bytes = read_bytes(&path).map_err(|why| {
         Error::Input(format!(
             "{name}: cannot read the file that particles.file names: {why}: it must be a CSV file, and a relative path \
              starts at the folder of the scene"
@@ -45,6 +48,18 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<Start, Error> {
     // A byte order mark, as some spreadsheets write it.
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     Table { name: &name, text, rotates: scene.rotates() }.read()
+}
+
+/// The content of a file or a pipe. A device may have no end.
+pub(crate) fn read_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    let kind = file.metadata()?.file_type();
+    if kind.is_char_device() || kind.is_block_device() {
+        return Err(std::io::Error::other("it is a device"));
+    }
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// A CSV text and what is needed to talk about it.
