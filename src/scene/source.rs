@@ -62,7 +62,8 @@ impl<'a> Source<'a> {
     pub fn merged<'i>(&self, text: &'i str, sets: &'i [SetDocument]) -> Result<Spanned<DeTable<'i>>, Error> {
         if let Some(place) = too_deep(text) {
             let message = format!(
-                "not valid TOML: brackets are open {DEEPEST} deep: each must be closed by its own kind"
+                "not valid TOML: it is nested more than {DEEPEST} deep: a bracket must be closed by its own kind, and a \
+                 key is made of a few words"
             );
             return Err(self.error(Some(place), &message));
         }
@@ -168,19 +169,21 @@ fn set_document(set: &str, start: usize) -> Result<SetDocument, Error> {
     Ok(SetDocument { words, value: offset..offset + value.len(), document, raw: value.trim().to_owned() })
 }
 
-/// The bracket or brace with which a text is nested too deep to be parsed: the parser descends once a level, and bounds
+/// The bracket, brace or dot with which a text is nested too deep to be parsed: the parser descends once a level, and bounds
 /// that by a count that stray closing brackets put wrong (toml_parser 1.1.5), until the stack ends. Here a bracket closes
 /// nothing unless it matches the last open one, so that the parser is never deeper than this count.
 fn too_deep(text: &str) -> Option<Span> {
-    let mut open = Vec::new();
+    let (mut open, mut dots) = (Vec::new(), 0);
     for token in toml_parser::Source::new(text).lex() {
         match token.kind() {
             kind @ (TokenKind::LeftSquareBracket | TokenKind::LeftCurlyBracket) => open.push(kind),
             TokenKind::RightSquareBracket => drop(open.pop_if(|top| *top == TokenKind::LeftSquareBracket)),
             TokenKind::RightCurlyBracket => drop(open.pop_if(|top| *top == TokenKind::LeftCurlyBracket)),
+            TokenKind::Dot => dots += 1,
+            TokenKind::Newline | TokenKind::Equals | TokenKind::Comma => dots = 0,
             _ => {}
         }
-        if open.len() > DEEPEST {
+        if open.len() > DEEPEST || dots >= DEEPEST {
             return Some(token.span().start()..token.span().end());
         }
     }
