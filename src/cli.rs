@@ -59,7 +59,15 @@ impl CommandLine {
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 pub struct Args {
     /// Scene file, TOML in SI units
-    pub scene: PathBuf,
+    #[arg(required_unless_present = "resume")]
+    pub scene: Option<PathBuf>,
+
+    /// Go on with the run that wrote FILE, from its last checkpoint, on any number of ranks and threads
+    ///
+    /// Scene and particles come from FILE and from FILE.ckpt-a and FILE.ckpt-b beside it. With --set, t_end may be larger,
+    /// and checkpoint.* and limits.* may change.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "output", "dry_run", "force"])]
+    pub resume: Option<PathBuf>,
 
     /// Output file, in place of output.file of the scene
     #[arg(short, long, value_name = "FILE")]
@@ -97,6 +105,7 @@ Examples:
   demhybrid configs/settle.toml
   demhybrid configs/settle.toml --set particles.grid.count=27 --set t_end=1 -o small.vtkhdf
   mpirun -n 4 demhybrid configs/settle.toml --threads 2 --force
+  mpirun -n 2 demhybrid --resume settle.vtkhdf
   demhybrid accuracy configs/quick.toml
 
 A scene whose file is called accuracy is run by demhybrid ./accuracy.
@@ -106,6 +115,7 @@ Exit codes:
   2      a mistake found before the first step: scene, particles, command line, output file
   3      the computation failed: a force that is not finite, a step that cannot be made
   4      the output could not be written
+  5      stopped on request, by SIGTERM, SIGINT, SIGUSR1, limits.wall or the file OUTPUT.stop, with a checkpoint
   70     an internal error
   128+N  killed by signal N
 
@@ -135,10 +145,16 @@ mod tests {
                 .unwrap();
         assert_eq!(
             (args.scene, args.output, args.threads),
-            ("a.toml".into(), Some("b.vtkhdf".into()), Some(2))
+            (Some("a.toml".into()), Some("b.vtkhdf".into()), Some(2))
         );
         assert_eq!(args.set, ["a.b=1", "c=-2"]);
         assert_eq!((args.dry_run, args.force, args.quiet, args.verbose), (true, true, false, true));
+    }
+
+    #[test]
+    fn a_run_is_taken_up_without_a_scene() {
+        let args = parse("demhybrid --resume a.vtkhdf --threads 2 --set t_end=9 -q").unwrap();
+        assert_eq!((args.scene, args.resume), (None, Some("a.vtkhdf".into())));
     }
 
     #[test]
@@ -149,7 +165,7 @@ mod tests {
         assert_eq!(args.scene, PathBuf::from("a.toml"));
         assert_eq!((args.methods, args.seeds), (vec!["merson".to_owned(), "auto".to_owned()], 3));
         assert_eq!((args.tolerances, args.quiet), (vec![1e-1, 1e-2], true));
-        assert_eq!(parse("demhybrid ./accuracy").unwrap().scene, PathBuf::from("./accuracy"));
+        assert_eq!(parse("demhybrid ./accuracy").unwrap().scene, Some(PathBuf::from("./accuracy")));
         for (line, parts) in [
             ("demhybrid accuracy", vec!["<SCENE>"]),
             ("demhybrid accuracy a.toml --methods euler", vec!["'euler'", "--methods", "merson"]),
@@ -178,6 +194,10 @@ mod tests {
             "demhybrid a.toml -q -v",
             "demhybrid a.toml --set",
             "demhybrid a.toml --unknown",
+            "demhybrid --resume",
+            "demhybrid a.toml --resume a.vtkhdf",
+            "demhybrid --resume a.vtkhdf -o b.vtkhdf",
+            "demhybrid --resume a.vtkhdf --force",
         ] {
             assert_eq!(parse(line).unwrap_err().exit_code(), 2, "{line}");
         }

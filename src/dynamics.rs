@@ -11,7 +11,9 @@ use crate::kernel::InstructionSet;
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
 use crate::particle::{Motion, Spin, Vec3};
+use crate::wish::Wish;
 use fail::fail_point;
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// The furthest that a step may move a particle, as a share of its radius. Twice that, from both sides of a contact,
@@ -36,7 +38,7 @@ pub struct Clocks {
 }
 
 /// Extremes over all particles of one state, known to all ranks.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Extremes {
     /// Largest speed, m/s.
     pub speed: f64,
@@ -67,11 +69,17 @@ pub struct Dynamics<'c, R, T, W> {
     /// Of the result of the last trial.
     candidate: Extremes,
     pair_evaluations: u64,
+    /// Of all ranks, before this process took the run up.
+    earlier_pairs: u64,
     rebuilds: u64,
     /// Whether every right-hand side also tells what it dissipates.
     audits: bool,
     losses: Losses,
     watch: Option<Watch<W>>,
+    /// What this rank sees of the world outside.
+    outside: Option<&'c dyn Fn() -> Wish>,
+    /// What the ranks agreed on last.
+    wish: Wish,
     /// A speed that matters in the scene, m/s.
     velocity_scale: f64,
     /// Time by part.
@@ -80,8 +88,8 @@ pub struct Dynamics<'c, R, T, W> {
 
 impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// Takes the particles `ids` with their states `y`, spread over the ranks in any way, and brings each to the rank
-    /// that owns it. Ids must be 0..count over all ranks; `velocity_scale` is a speed that matters, m/s. Fails where
-    /// `InstructionSet::chosen` does, which must be the same on all ranks. Collective.
+    /// that owns it, with its part of each list of `companions`. Ids must be 0..count over all ranks; `velocity_scale` is
+    /// a speed that matters, m/s. Fails where `InstructionSet::chosen` does, which must be the same on all ranks. Collective.
     pub fn new(
         comm: &'c dyn Comm,
         law: Law<R, T>,
@@ -89,6 +97,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         velocity_scale: f64,
         ids: Vec<u64>,
         y: &mut Vec<Motion<W>>,
+        companions: &mut [&mut Vec<Motion<W>>],
     ) -> Result<Self, Error> {
         let [set, _] = common_instructions(comm, InstructionSet::chosen()?);
         let mut slabs = Slabs::new(comm.size());
@@ -106,15 +115,18 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             extremes: Extremes::default(),
             candidate: Extremes::default(),
             pair_evaluations: 0,
+            earlier_pairs: 0,
             rebuilds: 0,
             audits: false,
             losses: [0.0; 2],
             watch: None,
+            outside: None,
+            wish: Wish::Nothing,
             velocity_scale,
             clocks: Clocks::default(),
         };
         dynamics.forces.owned = y.len();
-        dynamics.relocate(0.0, y, &mut [])?;
+        dynamics.relocate(0.0, y, companions)?;
         Ok(dynamics)
     }
 
@@ -156,9 +168,14 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
 
     /// Pairs within `l_max` that were evaluated so far, each counted once over all ranks. Collective.
     pub fn pair_evaluations(&self) -> u64 {
-        let mut sum = [self.pair_evaluations];
+        self.total_pairs(self.pair_evaluations)
+    }
+
+    /// The same from what `own_pairs` was on every rank at one time. Collective.
+    pub fn total_pairs(&self, own: u64) -> u64 {
+        let mut sum = [own];
         self.comm.sum(&mut sum);
-        sum[0]
+        self.earlier_pairs + sum[0]
     }
 
     /// Of these, the ones with their earlier particle on this rank.
@@ -186,6 +203,31 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// The state with these extremes is accepted.
     pub fn commit(&mut self, extremes: Extremes) {
         self.extremes = extremes;
+    }
+
+    /// Extremes of the accepted state.
+    pub fn extremes(&self) -> Extremes {
+        self.extremes
+    }
+
+    /// Where the owned particles were when the lists were built, m.
+    pub fn origin(&self) -> &[Vec3] {
+        &self.origin
+    }
+
+    /// Goes on with the counts of an earlier process, over all ranks: lists built and pairs evaluated.
+    pub fn go_on_from(&mut self, rebuilds: u64, pairs: u64) {
+        (self.rebuilds, self.earlier_pairs) = (rebuilds, pairs);
+    }
+
+    /// From now on asks `outside`, on every rank once a trial step, what it wishes.
+    pub fn heed(&mut self, outside: &'c dyn Fn() -> Wish) {
+        self.outside = Some(outside);
+    }
+
+    /// What the world outside wished in the last trial: the same on every rank.
+    pub fn wish(&self) -> Wish {
+        self.wish
     }
 
     /// The lists were built at the accepted state.
@@ -467,9 +509,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         let drift = next.iter().zip(&self.origin).map(square).fold(0.0, larger);
         let way = next.iter().zip(&self.start).map(square).fold(0.0, larger);
         let moved = [larger(self.moved[0], drift), larger(self.moved[1], way)];
-        let mut shared = [error, moved[0], moved[1], fastest(next), drift.sqrt()];
+        let wish = self.outside.map_or(Wish::Nothing, |outside| outside()).weight();
+        let mut shared = [error, moved[0], moved[1], fastest(next), drift.sqrt(), wish];
         self.comm.max(&mut shared);
-        let [error, from_origin, from_start, speed, drift] = shared;
+        let [error, from_origin, from_start, speed, drift, wish] = shared;
+        self.wish = Wish::of_weight(wish);
         self.candidate = Extremes { speed, drift };
         self.clocks.reduction += clock.elapsed();
         Verdict {

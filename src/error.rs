@@ -1,5 +1,6 @@
 //! Everything that can end a run early, each with the exit code that tells a script what happened.
 
+use crate::wish::Wish;
 use thiserror::Error;
 
 /// A reason to stop. Messages are lower case, without a full stop, with value, unit and time.
@@ -147,6 +148,35 @@ pub enum Error {
         why: String,
     },
 
+    /// The output file is not the one that this run writes to any more; what was computed is in a checkpoint.
+    #[error("{file} was {what} while the run was writing to it")]
+    Replaced {
+        /// The output file as the user named it.
+        file: String,
+        /// `removed` or `replaced by another file`.
+        what: &'static str,
+    },
+
+    /// A checkpoint could not be written; the one before is still there.
+    #[error("cannot write the checkpoint {file}: {why}")]
+    Checkpoint {
+        /// The file.
+        file: String,
+        /// What the system said.
+        why: String,
+    },
+
+    /// The run was stopped on request, and saved.
+    #[error("stopped by {wish} at t = {t} s; demhybrid --resume {file} goes on from there")]
+    Stopped {
+        /// What asked for it.
+        wish: Wish,
+        /// Time that was reached, s.
+        t: f64,
+        /// The output file as the user named it.
+        file: String,
+    },
+
     /// Particle bookkeeping is broken: a bug, never a user's mistake.
     #[error("particle {id} was {what} while particles migrated between ranks at t = {t} s")]
     Migration {
@@ -160,7 +190,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// Exit code of the program: 2 before the first step, 3 numerical failure, 4 output, 70 internal.
+    /// Exit code of the program: 2 before the first step, 3 numerical failure, 4 output, 5 stopped on request,
+    /// 70 internal.
     pub fn exit_code(&self) -> i32 {
         match self {
             Error::Input(_) => 2,
@@ -173,7 +204,8 @@ impl Error {
             | Error::BelowRoundOff { .. }
             | Error::WorkLimit { .. } => 3,
             Error::Elsewhere { code } => *code,
-            Error::Output { .. } => 4,
+            Error::Output { .. } | Error::Replaced { .. } | Error::Checkpoint { .. } => 4,
+            Error::Stopped { .. } => 5,
             Error::Migration { .. } => 70,
         }
     }

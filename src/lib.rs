@@ -26,7 +26,9 @@
 //! observer, which in the program is [`output::Output`].
 
 pub mod accuracy;
+pub mod agreement;
 pub mod analysis;
+pub mod checkpoint;
 pub mod cli;
 pub mod contact;
 pub mod container;
@@ -40,6 +42,7 @@ pub mod launch;
 pub mod neighbors;
 pub mod ode;
 pub mod output;
+pub mod outside;
 pub mod parallel;
 pub mod particle;
 pub mod program;
@@ -47,3 +50,4 @@ pub mod report;
 pub mod scene;
 pub mod simulation;
 pub mod start;
+pub mod wish;

@@ -55,7 +55,10 @@ fn main() {
 /// all leave together. An output error may be one rank's alone, and after it no collective call may follow: it ends the
 /// job, and rank 0 speaks first if it knows.
 fn end(world: &World, error: &Error) -> i32 {
-    let message = format!("demhybrid: error: {error}");
+    let message = match error {
+        Error::Stopped { .. } => format!("demhybrid: {error}"),
+        _ => format!("demhybrid: error: {error}"),
+    };
     if let Error::Output { .. } = error {
         if world.rank() > 0 {
             std::thread::sleep(Duration::from_millis(500));

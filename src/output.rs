@@ -7,6 +7,7 @@
 mod collective;
 mod frames;
 mod place;
+mod reopen;
 #[cfg(test)]
 mod tests;
 
@@ -19,6 +20,7 @@ use crate::error::Error;
 use crate::ode::{Limit, Losses};
 use frames::Frames;
 pub use place::size;
+pub use reopen::{Found, first_frame, inspect, prepare};
 
 /// What the run says of itself once, as attributes of `/run`.
 #[derive(Debug, Clone, PartialEq)]
@@ -142,6 +144,8 @@ pub struct Output<'a> {
     path: PathBuf,
     frames: Option<Frames>,
     transfer: String,
+    /// Device and inode of the file, on rank 0.
+    identity: Option<(u64, u64)>,
 }
 
 impl<'a> Output<'a> {
@@ -177,11 +181,53 @@ impl<'a> Output<'a> {
         let info = info.agreed(comm);
         let frames = Frames::create(comm, path, &info, count, radius, rotation, id_rows)
             .map_err(|why| failure(path, &why))?;
-        Ok(Output { comm, path: path.to_path_buf(), frames: Some(frames), transfer: "none yet".to_string() })
+        Ok(Self::with(comm, path, frames))
+    }
+
+    /// Opens the file of an earlier process, which [`prepare`] has made ready to go on after `complete` frames.
+    /// Collective.
+    pub fn open(
+        comm: &'a dyn Comm,
+        path: &Path,
+        energy: bool,
+        count: u64,
+        rotation: bool,
+        complete: u64,
+    ) -> Result<Output<'a>, Error> {
+        let frames =
+            Frames::open(comm, path, energy, count, rotation, complete).map_err(|why| failure(path, &why))?;
+        Ok(Self::with(comm, path, frames))
+    }
+
+    fn with(comm: &'a dyn Comm, path: &Path, frames: Frames) -> Self {
+        let identity = (comm.rank() == 0).then(|| place::identity(path)).flatten();
+        let path = path.to_path_buf();
+        Output { comm, path, frames: Some(frames), transfer: "none yet".to_string(), identity }
+    }
+
+    /// Fails where the file is not in its place any more, without a word to HDF5: the file could still be closed, and
+    /// nothing of it is lost but its name. Collective.
+    fn check_identity(&self) -> Result<(), Error> {
+        let mut verdict = Vec::new();
+        if self.comm.rank() == 0 {
+            verdict.push(match place::identity(&self.path) {
+                found if found == self.identity => 0,
+                None => 1,
+                Some(_) => 2,
+            });
+        }
+        self.comm.broadcast(&mut verdict);
+        let what = match verdict.first() {
+            Some(1) => "removed",
+            Some(2) => "replaced by another file",
+            _ => return Ok(()),
+        };
+        Err(Error::Replaced { file: self.path.display().to_string(), what })
     }
 
     /// Appends one frame. Collective.
     pub fn append(&mut self, rows: &Rows, measures: &Measures) -> Result<(), Error> {
+        self.check_identity()?;
         let measures = measures.agreed(self.comm);
         self.transfer = self.guarded(|frames| frames.append(rows, &measures))?;
         Ok(())
@@ -192,6 +238,15 @@ impl<'a> Output<'a> {
         let measures = measures.agreed(self.comm);
         let choice = agreed_text(self.comm, choice);
         self.guarded(|frames| frames.complete(&measures, &choice))?;
+        match self.frames.take() {
+            Some(frames) => frames.close().map_err(|why| failure(&self.path, &why)),
+            None => Ok(()),
+        }
+    }
+
+    /// Says what stopped the run before its end, and closes the file. Collective.
+    pub fn stop(mut self, by: &str) -> Result<(), Error> {
+        self.guarded(|frames| frames.stopped(by))?;
         match self.frames.take() {
             Some(frames) => frames.close().map_err(|why| failure(&self.path, &why)),
             None => Ok(()),

@@ -11,13 +11,14 @@ use crate::scene::{PAPER_NORM, Scene};
 use crate::simulation::{Counts, Frame, Outcome, tightening};
 use crate::start::{self, Start};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 use std::io::IsTerminal;
 use std::path::Path;
 use std::time::Instant;
 
 mod size_of_run;
-pub use size_of_run::{START_BYTES, bytes_per_particle, frames, output_bytes};
+pub use size_of_run::{START_BYTES, bytes_per_particle, checkpoint_bytes, frames, output_bytes};
 
 /// A warning where `l_max` cuts off a force that is not small, with the `l_max` that would do.
 pub fn cut_force_warning(scene: &Scene) -> Option<String> {
@@ -91,6 +92,19 @@ fn step_control(scene: &Scene) -> String {
     }
 }
 
+/// When checkpoints are written and what they take, in words.
+fn checkpoints(scene: &Scene, count: u64) -> String {
+    let Some(keys) = &scene.checkpoint else {
+        return "only when the run is stopped: [checkpoint] interval or wall gives more".to_owned();
+    };
+    let every = |seconds: Option<f64>, of: &str| seconds.map(|s| format!("every {} s of {of}", short(s)));
+    let when: Vec<_> = [every(keys.interval, "simulated time"), every(keys.wall, "wall time")]
+        .into_iter()
+        .flatten()
+        .collect();
+    format!("{}, two files, {} at most", when.join(" and "), size(checkpoint_bytes(scene, count)))
+}
+
 /// A positive number that is not known to more.
 fn three_digits(number: f64) -> String {
     if (0.1..100.0).contains(&number) { format!("{number:.3}") } else { format!("{number:.2e}") }
@@ -157,6 +171,7 @@ pub fn plan(
         ),
     );
     line("output", format!("about {}, {output}", size(output_bytes(scene, count))));
+    line("checkpoints", checkpoints(scene, count));
     line("ranks", format!("{} with {threads} threads each; ghosts within {reach:.4} m", comm.size()));
     for (rank, n) in owned.iter().enumerate() {
         let (low, high) = slabs.of(rank);
@@ -255,12 +270,13 @@ pub fn summary(
     let r = scene.particles.radius;
     let per = |x: u64, of: f64| x as f64 / of.max(1.0);
     let clocks = &outcome.clocks;
+    let end = if outcome.stopped.is_some() { "stopped" } else { "done" };
     let mut text = format!(
-        "demhybrid: {} done: {} particles, {}, to t = {} s\n",
+        "demhybrid: {} {end}: {} particles, {}, to t = {} s\n",
         name.display(),
         course.count,
         Effects::of(scene).variant.name(),
-        scene.t_end
+        outcome.time
     );
     let mut line = |head: &str, rest: String| {
         // Writing to a string cannot fail.
@@ -350,7 +366,7 @@ fn step_sizes(limits: &[u64]) -> String {
 }
 
 /// What the frames told, for the summary: of the last one, unless said otherwise.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Course {
     /// Number of particles.
     pub count: u64,

@@ -40,6 +40,10 @@ pub struct Scene {
     /// What is written.
     #[serde(default)]
     pub output: Output,
+    /// When checkpoints are written; none: only when the run is stopped.
+    pub checkpoint: Option<Checkpoint>,
+    /// What stops the run early.
+    pub limits: Option<Limits>,
 }
 
 /// Identical spheres and one source of their initial state: exactly one of `file` and `grid` is there.
@@ -213,6 +217,24 @@ pub struct Output {
     pub interval: Option<f64>,
     /// Whether the energy that contacts dissipate is integrated and written.
     pub energy: bool,
+}
+
+/// When checkpoints are written; at least one of the two is there.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Checkpoint {
+    /// Simulated time between two, s; > 0.
+    pub interval: Option<f64>,
+    /// Wall time between two, s; > 0.
+    pub wall: Option<f64>,
+}
+
+/// What stops the run early.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Limits {
+    /// Wall time, s; > 0.
+    pub wall: Option<f64>,
 }
 
 impl Scene {

@@ -13,11 +13,17 @@ use crate::ode::{
 use crate::particle::{Locked, Motion, Spin, Spinning, Vec3};
 use crate::scene::Scene;
 use crate::start::{self, Start};
+use crate::wish::Wish;
 use integrator::Integrator;
+pub use memory::{Memory, Remembered, Snapshot};
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 mod choice;
+mod failure;
 mod integrator;
+mod memory;
+mod telling;
 
 /// Forced accepts in a row that end a run.
 const FORCED_IN_A_ROW: u64 = 1000;
@@ -25,7 +31,7 @@ const FORCED_IN_A_ROW: u64 = 1000;
 const FORCED_GRACE: u64 = 100_000;
 
 /// Work done so far, the same on every rank and for every number of ranks.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Counts {
     /// Steps that stand.
     pub accepted: u64,
@@ -78,6 +84,10 @@ pub struct Frame<'a, W> {
 pub trait Observer<W> {
     /// A frame is due. Collective.
     fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error>;
+    /// The run should be remembered: from there it can be taken up again. Collective.
+    fn checkpoint(&mut self, _snapshot: &Snapshot<W>) -> Result<(), Error> {
+        Ok(())
+    }
 }
 
 impl<W, F: FnMut(&Frame<W>) -> Result<(), Error>> Observer<W> for F {
@@ -89,6 +99,10 @@ impl<W, F: FnMut(&Frame<W>) -> Result<(), Error>> Observer<W> for F {
 /// How a run went.
 #[derive(Debug, Clone)]
 pub struct Outcome {
+    /// Time that was reached, s.
+    pub time: f64,
+    /// What stopped the run before its end, if anything did.
+    pub stopped: Option<Wish>,
     /// Work done.
     pub counts: Counts,
     /// Pairs evaluated by this rank, those with the earlier particle here.
@@ -159,6 +173,20 @@ pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     forced_in_a_row: u64,
     t_end: f64,
     interval: f64,
+    /// The next frame.
+    frame: u64,
+    /// Largest overlap of any frame, m.
+    largest_overlap: f64,
+    /// Wall time in frames and checkpoints, s.
+    output_seconds: f64,
+    /// The run as it was before the last trial.
+    memory: Option<Memory>,
+    /// Simulated time between checkpoints, s; infinite if only others ask for them.
+    checkpoint_interval: f64,
+    /// Whether the end is a checkpoint too.
+    checkpoints: bool,
+    /// Time of the last checkpoint, or of the start, s.
+    saved: f64,
     started: Instant,
 }
 
@@ -176,14 +204,7 @@ struct Step {
 impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     /// Puts the particles of `start` (all of them, on every rank) in motion under `law`. Collective.
     pub fn new(scene: &Scene, start: &Start, law: Law<R, T>, comm: &'c dyn Comm) -> Result<Self, Error> {
-        let r = scene.particles.radius;
-        let setting = Setting {
-            mass: scene.particles.mass,
-            inverse_inertia: 1.0 / (0.4 * scene.particles.mass * r * r),
-            gravity: scene.gravity.into(),
-            walls: crate::container::walls(&scene.container),
-        };
-        Self::with_setting(scene, start, law, setting, comm)
+        Self::with_setting(scene, start, law, setting(scene), comm)
     }
 
     /// `new` with a setting of one's own.
@@ -202,7 +223,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         };
         let mut y: Vec<Motion<W>> = own.clone().map(body).collect();
         let scale = start::velocity_scale(scene, start);
-        let mut dynamics = Dynamics::new(comm, law, setting, scale, own.collect(), &mut y)?;
+        let mut dynamics = Dynamics::new(comm, law, setting, scale, own.collect(), &mut y, &mut [])?;
         if scene.output.energy {
             dynamics.audit();
         }
@@ -211,23 +232,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         let rhs = anchor.find_slope(&mut dynamics);
         let (norm, control) = error_control(scene, scale);
         let mut simulation = Simulation {
-            comm,
-            dynamics,
-            integrator: Integrator::new(scene),
-            tolerance: control.tolerance / tightening(scene),
-            norm,
             anchor,
-            trial: Trial::default(),
-            h: control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step)),
-            limit: Limit::First,
-            control,
-            last: 0.0,
             counts: Counts { rhs, ..Counts::default() },
-            dissipated: [0.0; 2],
-            forced_in_a_row: 0,
-            t_end: scene.t_end,
-            interval: scene.output.interval.unwrap_or(scene.t_end / 100.0),
-            started: Instant::now(),
+            ..Simulation::at_rest(scene, comm, dynamics, norm, control)
         };
         // A start that cannot be continued is told before any output is created.
         if simulation.start_is_broken() {
@@ -237,6 +244,43 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             simulation.find_first_step();
         }
         Ok(simulation)
+    }
+
+    /// A run in which nothing has happened, of no particles.
+    fn at_rest(
+        scene: &Scene,
+        comm: &'c dyn Comm,
+        dynamics: Dynamics<'c, R, T, W>,
+        norm: Norm,
+        control: StepControl,
+    ) -> Self {
+        let checkpoint = scene.checkpoint.as_ref();
+        Simulation {
+            comm,
+            dynamics,
+            integrator: Integrator::new(scene),
+            tolerance: control.tolerance / tightening(scene),
+            norm,
+            anchor: Anchor::new(0.0, Vec::new()),
+            trial: Trial::default(),
+            h: control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step)),
+            limit: Limit::First,
+            control,
+            last: 0.0,
+            counts: Counts::default(),
+            dissipated: [0.0; 2],
+            forced_in_a_row: 0,
+            t_end: scene.t_end,
+            interval: scene.output.interval.unwrap_or(scene.t_end / 100.0),
+            frame: 0,
+            largest_overlap: 0.0,
+            output_seconds: 0.0,
+            memory: None,
+            checkpoint_interval: checkpoint.and_then(|keys| keys.interval).unwrap_or(f64::INFINITY),
+            checkpoints: checkpoint.is_some(),
+            saved: 0.0,
+            started: Instant::now(),
+        }
     }
 
     /// The equations of motion.
@@ -249,33 +293,34 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         &mut self.dynamics
     }
 
+    /// From now on asks `outside`, on every rank once a trial step, what it wishes.
+    pub fn heed(&mut self, outside: &'c dyn Fn() -> Wish) {
+        self.dynamics.heed(outside);
+    }
+
     /// Last accepted state of the owned particles, by id.
     pub fn state(&self) -> &[Motion<W>] {
         &self.anchor.y
     }
 
-    /// Runs to the end of the scene and hands every frame to `observer`. Collective.
+    /// Runs to the end of the scene, or until the world outside stops it, and hands every frame to `observer`.
+    /// Collective.
     pub fn run(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
-        let mut output_seconds = 0.0;
-        let mut largest_overlap = 0.0f64;
-        let mut show =
-            |this: &mut Self, t: f64, state: &[Motion<W>], dissipated: Losses| -> Result<(), Error> {
-                let clock = Instant::now();
-                let overlap = this.show(t, state, dissipated, output_seconds, observer)?;
-                largest_overlap = largest_overlap.max(overlap);
-                output_seconds += clock.elapsed().as_secs_f64();
-                Ok(())
-            };
-        let first = std::mem::take(&mut self.anchor.y);
-        show(&mut self, 0.0, &first, [0.0; 2])?;
-        self.anchor.y = first;
-        let mut frame = 1;
+        if self.frame == 0 {
+            let first = std::mem::take(&mut self.anchor.y);
+            self.show(0.0, &first, [0.0; 2], observer)?;
+            self.anchor.y = first;
+            self.frame = 1;
+        }
         'steps: loop {
             let step = self.find_step()?;
+            if self.save_if_asked(observer)? {
+                return Ok(self.outcome());
+            }
             let reached = self.anchor.t + step.h;
             let extremes = self.dynamics.candidate();
-            while self.frame_time(frame) < reached {
-                let due = self.frame_time(frame);
+            while self.frame_time(self.frame) < reached {
+                let due = self.frame_time(self.frame);
                 let share = (due - self.anchor.t) / step.h;
                 let Some((state, lost)) = self.frame_inside(share, step.h) else {
                     // Rare: the same step again, with fresh lists.
@@ -287,26 +332,34 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
                 if due >= self.t_end {
                     self.count(Step { h: share * step.h, limit: Limit::End, ..step })?;
                 }
-                show(&mut self, due, &state, dissipated)?;
+                self.show(due, &state, dissipated, observer)?;
                 if due >= self.t_end {
-                    return Ok(self.outcome(output_seconds, largest_overlap));
+                    return self.end(observer);
                 }
-                frame += 1;
+                self.frame += 1;
             }
             self.count(step)?;
+            if self.frame_time(self.frame) <= reached {
+                let state = std::mem::take(&mut self.trial.next);
+                let dissipated = [0, 1].map(|k| self.dissipated[k] + self.trial.lost[k]);
+                self.show(reached, &state, dissipated, observer)?;
+                self.trial.next = state;
+                if reached >= self.t_end {
+                    return self.end(observer);
+                }
+                self.frame += 1;
+            }
             self.accept(reached, step.limit);
             self.dynamics.commit(extremes);
-            if self.frame_time(frame) <= reached {
-                let state = std::mem::take(&mut self.anchor.y);
-                let dissipated = self.dissipated;
-                show(&mut self, reached, &state, dissipated)?;
-                self.anchor.y = state;
-                if reached >= self.t_end {
-                    return Ok(self.outcome(output_seconds, largest_overlap));
-                }
-                frame += 1;
-            }
         }
+    }
+
+    /// The run is at the end of the scene. Collective.
+    fn end(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
+        if self.checkpoints {
+            self.save(observer)?;
+        }
+        Ok(Outcome { time: self.t_end, stopped: None, ..self.outcome() })
     }
 
     /// Time of frame `k`: k times the interval, and the end of the scene, s.
@@ -345,6 +398,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             if self.dynamics.will_outrun(h) {
                 self.dynamics.rebuild(&mut self.anchor)?;
             }
+            self.remember();
             let verdict = self.attempt(h);
             if !verdict.covered && !self.dynamics.lists_are_fresh() {
                 // Stale lists say nothing about the step: the same again with fresh ones.
@@ -433,60 +487,6 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         self.integrator.accepted(self.last, limit);
     }
 
-    /// A trial with step `h` (s) led nowhere: that is final if the state itself has no finite right-hand side or the
-    /// step cannot be smaller. Collective.
-    fn fail_if_impossible(&mut self, h: f64, verdict: Verdict) -> Result<(), Error> {
-        if self.start_is_broken() {
-            return Err(self.unbearable_start());
-        }
-        if h > self.control.min_step {
-            return Ok(());
-        }
-        // The same again, to see where it breaks.
-        self.dynamics.watch();
-        self.integrator.attempt(&mut self.dynamics, &mut self.anchor, h, &self.norm, &mut self.trial);
-        if let Some((t, state, slope)) = self.dynamics.broken() {
-            return Err(self.unbearable(t, &state, &slope));
-        }
-        if verdict.within_travel {
-            return Err(self.no_step(h));
-        }
-        let y = &self.anchor.y;
-        let i = self.dynamics.worst(|i| y[i].v.norm());
-        Err(Error::TooFast { t: self.anchor.t, h, i, travel: self.dynamics.travel() })
-    }
-
-    /// Whether the right-hand side at the last accepted state is not finite. Collective.
-    fn start_is_broken(&self) -> bool {
-        let mut steepest = [self.anchor.slope.iter().map(Linear::max_abs).fold(0.0, larger)];
-        self.comm.max(&mut steepest);
-        steepest[0] == f64::INFINITY
-    }
-
-    fn unbearable_start(&mut self) -> Error {
-        let (y, slope) = (self.anchor.y.clone(), self.anchor.slope.clone());
-        self.unbearable(self.anchor.t, &y, &slope)
-    }
-
-    /// Why the right-hand side `slope` at `state` and time `t` (s) is not finite. Collective.
-    fn unbearable(&mut self, t: f64, state: &[Motion<W>], slope: &[Motion<W>]) -> Error {
-        self.dynamics.explain(state, t).unwrap_or_else(|| {
-            let i = self.dynamics.worst(|i| slope[i].max_abs());
-            Error::Acceleration { i, t }
-        })
-    }
-
-    fn no_step(&self, h: f64) -> Error {
-        let i = self.limiting_particle(h);
-        Error::NoStep { t: self.anchor.t, h, min_step: self.control.min_step, i }
-    }
-
-    /// The particle with the largest error in the last trial, of step `h` (s). Collective.
-    fn limiting_particle(&self, h: f64) -> u64 {
-        let error = |i: usize| self.integrator.error_of(i, h, &self.norm, &self.anchor, &self.trial);
-        self.dynamics.worst(error)
-    }
-
     /// Counts a step that stands, and ends the run when those that stand only because they are the smallest prevail.
     /// Collective.
     fn count(&mut self, Step { h, forced, limit }: Step) -> Result<(), Error> {
@@ -511,51 +511,16 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         }
         Ok(())
     }
+}
 
-    /// Hands the state at time `t` (s) to the observer, after `output_seconds` (s) in frames. Returns the largest overlap,
-    /// m. Collective.
-    fn show(
-        &mut self,
-        t: f64,
-        state: &[Motion<W>],
-        dissipated: Losses,
-        output_seconds: f64,
-        observer: &mut dyn Observer<W>,
-    ) -> Result<f64, Error> {
-        let dynamics = &mut self.dynamics;
-        self.counts.pairs = dynamics.pair_evaluations();
-        self.counts.rebuilds = dynamics.rebuilds();
-        let (potential_energy, largest_overlap) = dynamics.potential_energy(state);
-        let rows = ById::new(self.comm, dynamics.count(), dynamics.ids(), state);
-        observer.frame(&Frame {
-            time: t,
-            step: self.last,
-            counts: self.counts,
-            kinetic_energy: dynamics.kinetic_energy(state),
-            potential_energy,
-            largest_overlap,
-            bed_height: dynamics.bed_height(state),
-            dissipated,
-            clocks: dynamics.clocks,
-            output_seconds,
-            first: rows::block(dynamics.count(), self.comm.rank(), self.comm.size()).start,
-            rows: &rows,
-        })?;
-        Ok(largest_overlap)
-    }
-
-    fn outcome(&self, output_seconds: f64, largest_overlap: f64) -> Outcome {
-        Outcome {
-            counts: self.counts,
-            own_pairs: self.dynamics.own_pairs(),
-            clocks: self.dynamics.clocks,
-            output_seconds,
-            seconds: self.started.elapsed().as_secs_f64(),
-            largest_overlap,
-            choice: self.integrator.report(),
-            bytes: self.dynamics.bytes() + self.anchor.bytes() + self.trial.bytes(),
-            ghosts: self.dynamics.ghosts(),
-        }
+/// What acts on the particles beside their contacts.
+fn setting(scene: &Scene) -> Setting {
+    let r = scene.particles.radius;
+    Setting {
+        mass: scene.particles.mass,
+        inverse_inertia: 1.0 / (0.4 * scene.particles.mass * r * r),
+        gravity: scene.gravity.into(),
+        walls: crate::container::walls(&scene.container),
     }
 }
 

@@ -13,11 +13,11 @@ use super::solvers::solvers;
 use super::starts::{Starts, farm, load};
 use super::state::{self, When};
 use super::sweep::{self, Variation};
+use crate::agreement::share;
 use crate::cli::AccuracyArgs;
 use crate::domain::Comm;
 use crate::error::Error;
 use crate::launch;
-use crate::program::share;
 use crate::scene::Scene;
 use std::path::{Path, PathBuf};
 

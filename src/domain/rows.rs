@@ -62,6 +62,14 @@ impl<'a, W: Spin> ById<'a, W> {
         })
     }
 
+    /// The states in the order of their ids.
+    pub fn iter(&self) -> impl Iterator<Item = &Motion<W>> {
+        self.places.iter().map(|&place| {
+            let place = place as usize;
+            self.own.get(place).unwrap_or_else(|| &self.guests[place - self.own.len()])
+        })
+    }
+
     /// Whether the block has no ids.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()

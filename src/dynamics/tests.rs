@@ -40,7 +40,7 @@ fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
     team(ranks, |comm| {
         let own = rows::block(bodies.len() as u64, comm.rank(), ranks);
         let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
-        let mut dynamics = Dynamics::new(comm, law, setting(), 1.0, own.collect(), &mut y).unwrap();
+        let mut dynamics = Dynamics::new(comm, law, setting(), 1.0, own.collect(), &mut y, &mut []).unwrap();
         dynamics.slabs = Slabs::with_inner_bounds(bounds);
         dynamics.relocate(0.0, &mut y, &mut []).unwrap();
         let (low, high) = dynamics.slabs().of(comm.rank());

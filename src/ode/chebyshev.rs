@@ -249,4 +249,12 @@ impl<P: Ivp> Method<P> for Chebyshev {
     fn stages(&self) -> usize {
         CHANGES
     }
+
+    fn memory(&self) -> Option<SpectralRadius> {
+        Some(self.radius)
+    }
+
+    fn recall(&mut self, memory: SpectralRadius) {
+        self.radius = memory;
+    }
 }

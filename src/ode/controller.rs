@@ -1,7 +1,9 @@
 //! Accepts and sizes steps: a function of the errors and steps so far, the same on every rank.
 
+use serde::{Deserialize, Serialize};
+
 /// What decided the size of a step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Limit {
     /// The tolerance.
     Error,

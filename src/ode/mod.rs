@@ -287,6 +287,12 @@ pub trait Method<P: Ivp> {
     ) -> f64;
     /// State vectors in [`Trial::stages`] that the method uses.
     fn stages(&self) -> usize;
+    /// What the method remembers from one step to the next, if anything.
+    fn memory(&self) -> Option<SpectralRadius> {
+        None
+    }
+    /// Takes up what `memory` gave, in this process or another.
+    fn recall(&mut self, _memory: SpectralRadius) {}
 }
 
 /// The cubic through the states and slopes at both ends of a step `h` (s), at a `share` of it.

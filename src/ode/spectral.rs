@@ -2,6 +2,7 @@
 
 use super::{Anchor, Ivp, Linear, Trial, fit};
 use crate::parallel::{self, GRAIN};
+use serde::{Deserialize, Serialize};
 
 /// The estimate is multiplied by this: a power iteration approaches from below. Damping allows for more, and a step that
 /// was unstable all the same is rejected for its error. (Tried: 1.0 to 1.5, with the same share of rejected steps.)
@@ -16,7 +17,7 @@ const MOST: [u32; 2] = [3, 12];
 const MIXED_IN: f64 = 0.02;
 
 /// Estimate of the spectral radius along a run.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SpectralRadius {
     estimate: f64,
     /// Length of the image of a vector of length 1 in the last iteration, 1/s.

@@ -9,7 +9,7 @@ use std::str::FromStr;
 use hdf5::plist::dataset_create::FillTime;
 use hdf5::plist::file_access::{FileAccess, MetadataWriteStrategy};
 use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
-use hdf5::{Dataset, Extent, File, Group, Location, Result};
+use hdf5::{Dataset, Extent, File, FileBuilder, Group, Location, Result};
 
 use super::collective::{Row, Transfer};
 use super::{Measures, Quantity, Rows, RunInfo};
@@ -129,58 +129,65 @@ impl Frames {
         rotation: bool,
         id_rows: Range<u64>,
     ) -> Result<Self> {
-        let file = {
-            let mut options = File::with_options();
-            if let Some(communicator) = comm.raw() {
-                // One rank writes all metadata, in one sweep. By default all ranks share them out: when one was killed
-                // a little before the others, half of an update was in the file (tried).
-                let mut cache = FileAccess::try_new()?.get_mdc_config()?;
-                cache.metadata_write_strategy = MetadataWriteStrategy::ProcessZeroOnly;
-                options.with_fapl(|access| access.mpio(communicator, None).mdc_config(&cache));
-            }
-            options.create(path)?
-        };
+        let file = options(comm)?.create(path)?;
         // Closing the file is collective: should the next lines fail, this second handle keeps it open for ever.
         let keep_open = file.clone();
-        match Self::lay_out(comm, (file, path), info, count, radius, rotation, id_rows) {
-            Ok(frames) => Ok(frames),
-            Err(why) => {
+        let created = Self::lay_out(comm, (file, path), &Ground::New(info), count, rotation);
+        created.and_then(|frames| frames.write_static(comm, radius, id_rows).map(|()| frames)).inspect_err(
+            |_| {
                 mem::forget(keep_open);
-                Err(why)
-            }
-        }
+            },
+        )
+    }
+
+    /// Opens the file of an earlier process, in which `complete` frames stand and nothing of later ones
+    /// ([`reopen::prepare`](super::reopen::prepare)). Collective.
+    pub fn open(
+        comm: &dyn Comm,
+        path: &Path,
+        energy: bool,
+        count: u64,
+        rotation: bool,
+        complete: u64,
+    ) -> Result<Self> {
+        let file = options(comm)?.open_rw(path)?;
+        let keep_open = file.clone();
+        let ground = Ground::Found { energy, complete };
+        Self::lay_out(comm, (file, path), &ground, count, rotation).inspect_err(|_| {
+            mem::forget(keep_open);
+        })
     }
 
     fn lay_out(
         comm: &dyn Comm,
         (file, path): (File, &Path),
-        info: &RunInfo,
+        ground: &Ground,
         count: u64,
-        radius: f64,
         rotation: bool,
-        id_rows: Range<u64>,
     ) -> Result<Self> {
         let transfer = Transfer::new(comm.raw().is_some())?;
         let writes_small = comm.rank() == 0;
-        let root = file.create_group("VTKHDF")?;
-        root.new_attr::<i64>().shape(2).create("Version")?.write(&[2_i64, 0])?;
-        let kind = FixedAscii::<8>::from_ascii("PolyData").map_err(|e| e.to_string())?;
-        root.new_attr::<FixedAscii<8>>().create("Type")?.write_scalar(&kind)?;
-        let point_data = root.create_group("PointData")?;
-        let steps = root.create_group("Steps")?;
-        set_new(&steps, "NSteps", 0_i64)?;
-        let offsets = steps.create_group("PointDataOffsets")?;
+        let root = ground.group(&file, "VTKHDF")?;
+        let point_data = ground.group(&root, "PointData")?;
+        let steps = ground.group(&root, "Steps")?;
+        if let Ground::New(_) = ground {
+            root.new_attr::<i64>().shape(2).create("Version")?.write(&[2_i64, 0])?;
+            let kind = FixedAscii::<8>::from_ascii("PolyData").map_err(|e| e.to_string())?;
+            root.new_attr::<FixedAscii<8>>().create("Type")?.write_scalar(&kind)?;
+            set_new(&steps, "NSteps", 0_i64)?;
+        }
+        let offsets = ground.group(&steps, "PointDataOffsets")?;
 
         let n = count as i64;
         let mut schedules = Vec::new();
         let mut schedule = |group: &Group, name: &str, first: i64, stride: i64| -> Result<()> {
-            let array = growing::<i64>(group, name, FRAMES_PER_CHUNK)?;
+            let array = ground.array::<i64>(group, name, FRAMES_PER_CHUNK)?;
             schedules.push(Schedule { array, first, stride });
             Ok(())
         };
         for name in ["Vertices", "Lines", "Polygons", "Strips"] {
             // Every particle is a vertex; the other kinds of cells must be there and are empty.
-            let cells = root.create_group(name)?;
+            let cells = ground.group(&root, name)?;
             let shown = if name == "Vertices" { n } else { 0 };
             schedule(&cells, "NumberOfCells", shown, 0)?;
             schedule(&cells, "NumberOfConnectivityIds", shown, 0)?;
@@ -196,33 +203,36 @@ impl Frames {
             schedule(&offsets, "angular_velocity", 0, n)?;
         }
 
-        let run = run_group(&file, &transfer, info, writes_small)?;
-        let series = run.create_group("series")?;
+        let run = match ground {
+            Ground::New(info) => run_group(&file, &transfer, info, writes_small)?,
+            Ground::Found { .. } => file.group("run")?,
+        };
+        let series = ground.group(&run, "series")?;
         let rows = rows_per_chunk(count);
-        let frames = Frames {
-            position: growing::<[f64; 3]>(&root, "Points", rows)?,
-            velocity: growing::<[f64; 3]>(&point_data, "velocity", rows)?,
+        Ok(Frames {
+            position: ground.array::<[f64; 3]>(&root, "Points", rows)?,
+            velocity: ground.array::<[f64; 3]>(&point_data, "velocity", rows)?,
             angular_velocity: rotation
-                .then(|| growing::<[f64; 3]>(&point_data, "angular_velocity", rows))
+                .then(|| ground.array::<[f64; 3]>(&point_data, "angular_velocity", rows))
                 .transpose()?,
-            sizes: growing::<i64>(&root, "NumberOfPoints", FRAMES_PER_CHUNK)?,
+            sizes: ground.array::<i64>(&root, "NumberOfPoints", FRAMES_PER_CHUNK)?,
             schedules,
             cell_offsets: ["CellOffsets", "ConnectivityIdOffsets"]
-                .map(|name| growing::<[i64; 4]>(&steps, name, FRAMES_PER_CHUNK))
+                .map(|name| ground.array::<[i64; 4]>(&steps, name, FRAMES_PER_CHUNK))
                 .into_iter()
                 .collect::<Result<_>>()?,
-            times: growing::<f64>(&steps, "Values", FRAMES_PER_CHUNK)?,
+            times: ground.array::<f64>(&steps, "Values", FRAMES_PER_CHUNK)?,
             real_columns: REAL_COLUMNS
                 .into_iter()
-                .chain(ENERGY_COLUMNS.into_iter().filter(|_| info.energy))
+                .chain(ENERGY_COLUMNS.into_iter().filter(|_| ground.energy()))
                 .map(|(name, measure)| {
-                    Ok(Column { array: growing::<f64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                    Ok(Column { array: ground.array::<f64>(&series, name, FRAMES_PER_CHUNK)?, measure })
                 })
                 .collect::<Result<_>>()?,
             count_columns: COUNT_COLUMNS
                 .into_iter()
                 .map(|(name, measure)| {
-                    Ok(Column { array: growing::<i64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                    Ok(Column { array: ground.array::<i64>(&series, name, FRAMES_PER_CHUNK)?, measure })
                 })
                 .collect::<Result<_>>()?,
             run,
@@ -231,23 +241,18 @@ impl Frames {
             file,
             path: path.to_path_buf(),
             count,
-            complete: 0,
+            complete: match ground {
+                Ground::New(_) => 0,
+                Ground::Found { complete, .. } => *complete,
+            },
             writes_small,
-        };
-        frames.write_static(comm, &root, &point_data, radius, id_rows)?;
-        frames.flush(0)?;
-        Ok(frames)
+        })
     }
 
     /// The arrays that all frames share: ids, radii, and a vertex for every particle. Collective.
-    fn write_static(
-        &self,
-        comm: &dyn Comm,
-        root: &Group,
-        point_data: &Group,
-        radius: f64,
-        id_rows: Range<u64>,
-    ) -> Result<()> {
+    fn write_static(&self, comm: &dyn Comm, radius: f64, id_rows: Range<u64>) -> Result<()> {
+        let root = self.file.group("VTKHDF")?;
+        let point_data = &root.group("PointData")?;
         let first = id_rows.start;
         let ids: Vec<i64> = id_rows.clone().map(|id| id as i64).collect();
         let radii = vec![radius; ids.len()];
@@ -268,7 +273,7 @@ impl Frames {
             let offsets = fixed::<i64>(&cells, "Offsets", 1)?;
             self.write_small(&offsets, 0, &[0_i64])?;
         }
-        Ok(())
+        self.flush(0)
     }
 
     /// Adds one frame; returns how its rows travelled. Collective.
@@ -324,6 +329,12 @@ impl Frames {
         self.flush(0)
     }
 
+    /// What stopped the run before its end. Collective.
+    pub fn stopped(&mut self, by: &str) -> Result<()> {
+        set_new_text(&self.run, "stopped_by", by)?;
+        self.flush(by.len() as u64 + INDEX_BYTES)
+    }
+
     /// Closes everything, and the file last. Collective.
     pub fn close(self) -> Result<()> {
         // A second handle, because all others must be gone before the file is closed.
@@ -376,13 +387,13 @@ impl Frames {
 
     /// This rank's rows of a quantity of frame `k`. Collective.
     fn write_vectors(&self, array: &Dataset, k: u64, rows: &Rows, quantity: Quantity) -> Result<()> {
-        array.resize(((k + 1) as usize * self.count as usize, 3))?;
+        grow::<[f64; 3]>(array, (k + 1) * self.count)?;
         self.transfer.write_together(array, k * self.count + rows.first, &(rows.column)(quantity))
     }
 
     /// Appends row `k` of a small array. Collective.
     fn put<R: Row>(&self, array: &Dataset, k: u64, row: R) -> Result<()> {
-        array.resize([&[k as usize + 1], R::SHAPE].concat())?;
+        grow::<R>(array, k + 1)?;
         self.write_small(array, k, &[row])
     }
 
@@ -392,20 +403,71 @@ impl Frames {
     }
 }
 
+/// How the file is opened. Collective, like the call that opens it.
+fn options(comm: &dyn Comm) -> Result<FileBuilder> {
+    let mut options = File::with_options();
+    if let Some(communicator) = comm.raw() {
+        // One rank writes all metadata, in one sweep. By default all ranks share them out: when one was killed
+        // a little before the others, half of an update was in the file (tried).
+        let mut cache = FileAccess::try_new()?.get_mdc_config()?;
+        cache.metadata_write_strategy = MetadataWriteStrategy::ProcessZeroOnly;
+        options.with_fapl(|access| access.mpio(communicator, None).mdc_config(&cache));
+    }
+    Ok(options)
+}
+
+/// What a file holds when it is laid out.
+enum Ground<'a> {
+    /// Nothing: everything is made, for this run.
+    New(&'a RunInfo),
+    /// All groups and arrays of an earlier process.
+    Found {
+        /// Whether there are columns for dissipated energy.
+        energy: bool,
+        /// Complete frames.
+        complete: u64,
+    },
+}
+
+impl Ground<'_> {
+    fn energy(&self) -> bool {
+        match self {
+            Ground::New(info) => info.energy,
+            Ground::Found { energy, .. } => *energy,
+        }
+    }
+
+    fn group(&self, place: &Group, name: &str) -> Result<Group> {
+        match self {
+            Ground::New(_) => place.create_group(name),
+            Ground::Found { .. } => place.group(name),
+        }
+    }
+
+    /// An array that grows by rows, `rows_per_chunk` of them on disk at once.
+    fn array<R: Row>(&self, group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dataset> {
+        match self {
+            Ground::New(_) => growing::<R>(group, name, rows_per_chunk),
+            Ground::Found { .. } => group.dataset(name),
+        }
+    }
+}
+
+/// Makes an array `rows` long; one that is longer already, from a process that has ended since, stays so.
+fn grow<R: Row>(array: &Dataset, rows: u64) -> Result<()> {
+    let rows = rows as usize;
+    if array.shape().first().is_some_and(|&there| there >= rows) {
+        return Ok(());
+    }
+    array.resize([&[rows], R::SHAPE].concat())
+}
+
 /// `/run` with all its attributes. Collective.
 fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: bool) -> Result<Group> {
     let run = file.create_group("run")?;
     set_new_text(&run, "version", &info.version)?;
     set_new_text(&run, "commit", &info.commit)?;
-    if info.scene.len() <= LONGEST_ATTRIBUTE {
-        set_new_text(&run, "scene", &info.scene)?;
-    } else {
-        let kind = TypeDescriptor::FixedUnicode(info.scene.len());
-        let scene = run.new_dataset_builder().obj_track_times(false).empty_as(&kind).create("scene_text")?;
-        if writes_small {
-            transfer.write_text(&scene, &info.scene)?;
-        }
-    }
+    put_scene(&run, transfer, &info.scene, writes_small)?;
     set_new_text(&run, "method", &info.method)?;
     set_new(&run, "tolerance", info.tolerance)?;
     if let Some(step) = info.step {
@@ -428,6 +490,16 @@ fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: boo
     }
     set_new(&run, "completed", 0_i64)?;
     Ok(run)
+}
+
+/// The text of the scene, as an attribute or, where it is too long for one, as a dataset.
+pub(super) fn put_scene(run: &Group, transfer: &Transfer, scene: &str, writes: bool) -> Result<()> {
+    if scene.len() <= LONGEST_ATTRIBUTE {
+        return set_new_text(run, "scene", scene);
+    }
+    let kind = TypeDescriptor::FixedUnicode(scene.len());
+    let text = run.new_dataset_builder().obj_track_times(false).empty_as(&kind).create("scene_text")?;
+    if writes { transfer.write_text(&text, scene) } else { Ok(()) }
 }
 
 /// An empty array that grows by rows.

@@ -78,8 +78,15 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
     Ok(absolute)
 }
 
+/// Device and inode of a file, if it is there.
+pub fn identity(path: &Path) -> Option<(u64, u64)> {
+    let found = fs::metadata(path).ok()?;
+    Some((found.dev(), found.ino()))
+}
+
 /// Bytes that this user may still write in the file system of `folder`, if it says.
 pub fn free_bytes(folder: &Path) -> Option<u64> {
+    fail::fail_point!("room", |_| None);
     let all = statvfs(folder).ok()?;
     Some(all.f_bavail.saturating_mul(all.f_frsize))
 }

@@ -1,5 +1,6 @@
 //! What a scene takes in memory and on disk, before it runs.
 
+use crate::checkpoint;
 use crate::scene::Scene;
 use crate::simulation::state_vectors;
 
@@ -26,6 +27,12 @@ const OUTPUT_BYTES: u64 = 600 << 10;
 pub fn output_bytes(scene: &Scene, count: u64) -> u64 {
     let per_row = if scene.rotates() { 72 } else { 48 };
     frames(scene).saturating_mul(count).saturating_mul(per_row).saturating_add(OUTPUT_BYTES)
+}
+
+/// Bytes that the two checkpoints will take at most, if the scene asks for them.
+pub fn checkpoint_bytes(scene: &Scene, count: u64) -> u64 {
+    let slots = if scene.checkpoint.is_some() { 2 } else { 0 };
+    checkpoint::bytes(count, scene.rotates()).saturating_mul(slots)
 }
 
 /// Frames of the scene, the one at t = 0 included.

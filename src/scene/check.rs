@@ -5,7 +5,7 @@ use toml::de::{DeInteger, DeTable, DeValue};
 
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
-use super::{BoxSides, Container, Grid, Scene};
+use super::{BoxSides, Checkpoint, Container, Grid, Scene};
 use crate::error::Error;
 
 /// Frames that one run may write.
@@ -218,6 +218,7 @@ pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
         room_for_grid(source, &scene.container, grid)?;
     }
     steps(source, scene)?;
+    checkpoints(source, scene)?;
     frames(source, scene)
 }
 
@@ -339,6 +340,17 @@ fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
         source.setting("solver.min_step", solver.min_step, "s")
     );
     Err(source.error(place, &message))
+}
+
+/// A table that asks for nothing is a mistake.
+fn checkpoints(source: &Source, scene: &Scene) -> Result<(), Error> {
+    match &scene.checkpoint {
+        Some(Checkpoint { interval: None, wall: None }) => Err(source.error(
+            source.key("checkpoint"),
+            "[checkpoint] needs interval (simulated time in s) or wall (wall time in s), e.g. interval = 0.5",
+        )),
+        _ => Ok(()),
+    }
 }
 
 fn frames(source: &Source, scene: &Scene) -> Result<(), Error> {

@@ -82,6 +82,8 @@ pub(super) const KEYS: &[Key] = &[
     optional("friction", Table, "the table of the friction law", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
     optional("solver", Table, "the table of the time stepping", "{ tolerance = 0.1 }"),
     optional("output", Table, "the table of the output file", "{ interval = 0.02 }"),
+    optional("checkpoint", Table, "the table of the checkpoints", "{ interval = 0.5 }"),
+    optional("limits", Table, "the table of what stops a run early", "{ wall = 3600.0 }"),
 
     required("particles.radius", Number(Positive), "the radius r of every sphere in m", "0.1"),
     optional("particles.mass", Number(Positive), "the mass of one sphere in kg", "1.0"),
@@ -124,6 +126,11 @@ pub(super) const KEYS: &[Key] = &[
     optional("output.file", Text, "the path of the output file", "\"settle.vtkhdf\""),
     optional("output.interval", Number(Positive), "the simulated time between frames in s", "0.02"),
     optional("output.energy", Switch, "whether dissipated energy is integrated and written", "false"),
+
+    optional("checkpoint.interval", Number(Positive), "the simulated time in s between two checkpoints", "0.5"),
+    optional("checkpoint.wall", Number(Positive), "the wall time in s between two checkpoints", "600.0"),
+
+    optional("limits.wall", Number(Positive), "the wall time in s after which the run saves itself and stops", "3600.0"),
 ];
 
 /// The keys of a table, `""` being the top of the scene.
@@ -202,9 +209,18 @@ mod tests {
     /// Every example, put together to one scene; `file` gives way to `grid`.
     fn scene_of_examples() -> String {
         let mut text = String::new();
-        for table in
-            ["", "particles", "particles.grid", "container.box", "contact", "friction", "solver", "output"]
-        {
+        for table in [
+            "",
+            "particles",
+            "particles.grid",
+            "container.box",
+            "contact",
+            "friction",
+            "solver",
+            "output",
+            "checkpoint",
+            "limits",
+        ] {
             if !table.is_empty() {
                 text += &format!("[{table}]\n");
             }

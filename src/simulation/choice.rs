@@ -1,6 +1,7 @@
 //! How `auto` chooses between an explicit method and the stabilised one: by the work that both would take.
 
 use crate::ode::{Limit, Tableau};
+use serde::{Deserialize, Serialize};
 
 /// Steps limited by their error over which work is compared.
 const WINDOW: u64 = 1024;
@@ -17,7 +18,7 @@ const CLEARLY: f64 = 3.0;
 const NEAR_THE_EDGE: f64 = 0.6;
 
 /// The two kinds of methods.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
     /// Dormand-Prince or Merson: a fixed number of right-hand sides a step, and a small stable step.
     Explicit,
@@ -28,10 +29,16 @@ pub enum Kind {
 /// Compares work. Everything it looks at is the same on every rank.
 #[derive(Debug, Clone)]
 pub struct Choice {
-    active: Kind,
     explicit: &'static Tableau,
     reason: &'static str,
     fixed: bool,
+    tally: Tally,
+}
+
+/// What the choice remembers of the steps so far.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Tally {
+    active: Kind,
     /// Steps that the window at hand needs.
     window: u64,
     /// Steps in that window, time that they covered (s), right-hand sides that they took.
@@ -52,11 +59,8 @@ pub struct Choice {
 impl Choice {
     /// Starts with the method `explicit`, for `reason`.
     pub fn new(explicit: &'static Tableau, reason: &'static str) -> Self {
-        Choice {
+        let tally = Tally {
             active: Kind::Explicit,
-            explicit,
-            reason,
-            fixed: false,
             window: WINDOW,
             steps: 0,
             time: 0.0,
@@ -67,12 +71,25 @@ impl Choice {
             last: 0.0,
             taken: [0; 2],
             changes: 0,
-        }
+        };
+        Choice { explicit, reason, fixed: false, tally }
     }
 
     /// The choice is made once and for all.
     pub fn forever(self) -> Self {
         Choice { fixed: true, ..self }
+    }
+
+    /// What it remembers.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// Takes up what it remembered, in this process or another. Returns whether the methods have changed places since the
+    /// start.
+    pub fn recall(&mut self, tally: Tally) -> bool {
+        self.tally = tally;
+        tally.active == Kind::Stabilised
     }
 
     /// Whether it will never change.
@@ -88,57 +105,61 @@ impl Choice {
     /// A step `h` (s) stands that took `spent` right-hand sides; `limit` decided its size, and `bound` is the spectral
     /// radius (1/s) if it is known.
     pub fn step(&mut self, h: f64, limit: Limit, spent: u64, bound: Option<f64>) {
-        self.last = h;
-        self.taken[self.active as usize] += 1;
+        self.tally.last = h;
+        self.tally.taken[self.tally.active as usize] += 1;
         // In free flight both methods take the same steps.
-        if self.active == Kind::Stabilised && limit != Limit::Error {
+        if self.tally.active == Kind::Stabilised && limit != Limit::Error {
             return;
         }
-        self.steps += 1;
-        self.time += h;
-        self.spent += spent;
+        self.tally.steps += 1;
+        self.tally.time += h;
+        self.tally.spent += spent;
         if let Some(bound) = bound {
-            self.explicit_need += self.explicit_cost() * h * bound / self.explicit.real_stability;
+            self.tally.explicit_need += self.explicit_cost() * h * bound / self.explicit.real_stability;
         }
     }
 
     /// Whether the spectral radius should be found, because the explicit method has had its time.
     pub fn wants_stiffness(&self) -> bool {
-        !self.fixed && self.active == Kind::Explicit && self.steps >= self.patience && self.bound.is_none()
+        !self.fixed
+            && self.tally.active == Kind::Explicit
+            && self.tally.steps >= self.tally.patience
+            && self.tally.bound.is_none()
     }
 
     /// The spectral radius is `bound`, 1/s.
     pub fn learn(&mut self, bound: f64) {
-        self.bound = Some(bound);
+        self.tally.bound = Some(bound);
     }
 
     /// Whether the other method should take over; if so, the largest step (s) that it may start with.
     pub fn change(&mut self) -> Option<f64> {
-        match self.active {
-            Kind::Stabilised if self.steps >= self.window => {
-                let clearly = if self.window == TRIAL { 1.0 } else { CLEARLY };
-                self.window = WINDOW;
-                let cheaper = self.spent as f64 > clearly * self.explicit_need;
-                let stable = self.explicit.real_stability * self.time / self.explicit_need.max(1e-300)
+        match self.tally.active {
+            Kind::Stabilised if self.tally.steps >= self.tally.window => {
+                let clearly = if self.tally.window == TRIAL { 1.0 } else { CLEARLY };
+                self.tally.window = WINDOW;
+                let cheaper = self.tally.spent as f64 > clearly * self.tally.explicit_need;
+                let stable = self.explicit.real_stability * self.tally.time
+                    / self.tally.explicit_need.max(1e-300)
                     * self.explicit_cost();
                 self.restart();
                 if !cheaper {
                     // It is worth its while: look again soon when it rests.
-                    self.patience = PATIENCE;
+                    self.tally.patience = PATIENCE;
                     return None;
                 }
-                self.patience = (2 * self.patience).min(MOST_PATIENCE);
+                self.tally.patience = (2 * self.tally.patience).min(MOST_PATIENCE);
                 self.switch(Kind::Explicit);
-                Some((0.9 * stable).min(self.last))
+                Some((0.9 * stable).min(self.tally.last))
             }
             Kind::Explicit => {
-                let bound = self.bound.take()?;
-                let stiff = self.last * bound > NEAR_THE_EDGE * self.explicit.real_stability;
+                let bound = self.tally.bound.take()?;
+                let stiff = self.tally.last * bound > NEAR_THE_EDGE * self.explicit.real_stability;
                 self.restart();
                 if !stiff {
                     return None;
                 }
-                self.window = TRIAL;
+                self.tally.window = TRIAL;
                 self.switch(Kind::Stabilised);
                 Some(f64::INFINITY)
             }
@@ -147,27 +168,27 @@ impl Choice {
     }
 
     fn restart(&mut self) {
-        (self.steps, self.time, self.spent, self.explicit_need) = (0, 0.0, 0, 0.0);
+        (self.tally.steps, self.tally.time, self.tally.spent, self.tally.explicit_need) = (0, 0.0, 0, 0.0);
     }
 
     fn switch(&mut self, to: Kind) {
-        self.active = to;
-        self.changes += 1;
+        self.tally.active = to;
+        self.tally.changes += 1;
     }
 
     /// What was chosen and why; `active` and `resting` are the names of the methods.
     pub fn report(&self, active: &str, resting: &str) -> String {
-        let [explicit, stabilised] = self.taken;
-        let (own, other) = match self.active {
+        let [explicit, stabilised] = self.tally.taken;
+        let (own, other) = match self.tally.active {
             Kind::Explicit => (explicit, stabilised),
             Kind::Stabilised => (stabilised, explicit),
         };
-        if self.changes == 0 {
+        if self.tally.changes == 0 {
             return format!("auto: {active}, because {}", self.reason);
         }
         format!(
             "auto: {active} for {own} steps and {resting} for {other}, whichever took less work ({} changes)",
-            self.changes
+            self.tally.changes
         )
     }
 }
@@ -180,7 +201,8 @@ mod tests {
     /// One for which the stabilised method has taken over and proved itself.
     fn stabilised() -> Choice {
         let choice = Choice::new(&MERSON, "of the test");
-        Choice { active: Kind::Stabilised, changes: 1, ..choice }
+        let tally = Tally { active: Kind::Stabilised, changes: 1, ..choice.tally };
+        Choice { tally, ..choice }
     }
 
     #[test]

@@ -1,11 +1,13 @@
 //! The method that takes the steps: the one that the scene names, or the one that `auto` finds best.
 
-use super::choice::Choice;
+use super::choice::{Choice, Tally};
 use crate::effects::{Effects, Variant};
 use crate::ode::{
-    Anchor, Chebyshev, DORMAND_PRINCE, Ivp, Limit, MERSON, Method, Norm, RungeKutta, Trial, Verdict, Verlet,
+    Anchor, Chebyshev, DORMAND_PRINCE, Ivp, Limit, MERSON, Method, Norm, RungeKutta, SpectralRadius, Trial,
+    Verdict, Verlet,
 };
 use crate::scene::Scene;
+use serde::{Deserialize, Serialize};
 
 /// Takes steps with one method at a time.
 pub struct Integrator<'c, P: Ivp> {
@@ -16,6 +18,15 @@ pub struct Integrator<'c, P: Ivp> {
     stable: Option<f64>,
     /// Right-hand sides since the last accepted step.
     spent: u64,
+}
+
+/// What the integrator remembers from one trial to the next: with it, another one goes on in the same way.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Memory {
+    stable: Option<f64>,
+    spent: u64,
+    radius: Option<SpectralRadius>,
+    tally: Option<Tally>,
 }
 
 impl<'c, P: Ivp + 'c> Integrator<'c, P> {
@@ -84,6 +95,35 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         evaluations += more;
         self.spent += evaluations;
         evaluations
+    }
+
+    /// What it remembers.
+    pub fn memory(&self) -> Memory {
+        let resting = || self.resting.as_ref().and_then(|(method, _)| method.memory());
+        Memory {
+            stable: self.stable,
+            spent: self.spent,
+            // One of two methods at most estimates the radius.
+            radius: self.active.memory().or_else(resting),
+            tally: self.resting.as_ref().map(|(_, choice)| choice.tally()),
+        }
+    }
+
+    /// Takes up what another one of the same scene, in this process or another, remembered. This one must be new.
+    pub fn recall(&mut self, memory: &Memory) {
+        (self.stable, self.spent) = (memory.stable, memory.spent);
+        if let (Some((resting, choice)), Some(tally)) = (&mut self.resting, memory.tally)
+            && choice.recall(tally)
+        {
+            std::mem::swap(&mut self.active, resting);
+        }
+        let Some(radius) = memory.radius else { return };
+        for method in
+            std::iter::once(&mut self.active).chain(self.resting.iter_mut().map(|(method, _)| method))
+        {
+            // The others have nothing to remember.
+            method.recall(radius);
+        }
     }
 
     /// Largest stable step from the anchor, s, as far as it is known.

@@ -39,6 +39,7 @@ static MACHINE: Mutex<()> = Mutex::new(());
 
 /// A command line of the program that has not been started.
 pub struct Job {
+    shell: bool,
     ranks: Option<usize>,
     folder: PathBuf,
     arguments: Vec<String>,
@@ -50,6 +51,7 @@ pub struct Job {
 impl Job {
     fn new(ranks: Option<usize>, folder: &Path, arguments: &[&str]) -> Self {
         Job {
+            shell: false,
             ranks,
             folder: folder.to_path_buf(),
             arguments: arguments.iter().map(ToString::to_string).collect(),
@@ -67,6 +69,11 @@ impl Job {
     /// Under mpirun, in `folder`.
     pub fn on(ranks: usize, folder: &Path, arguments: &[&str]) -> Self {
         Job::new(Some(ranks), folder, arguments)
+    }
+
+    /// A shell that may mount file systems nobody else sees, in `folder`; `$PROGRAM` is the program.
+    pub fn shell(folder: &Path, script: &str) -> Self {
+        Job { shell: true, ..Job::new(None, folder, &[script]) }
     }
 
     /// More arguments.
@@ -93,6 +100,11 @@ impl Job {
     }
 
     fn command(&self) -> Command {
+        if self.shell {
+            let mut command = Command::new("unshare");
+            command.args(["-m", "sh", "-c"]).args(&self.arguments).env("PROGRAM", PROGRAM);
+            return command;
+        }
         let Some(ranks) = self.ranks else {
             let mut command = Command::new(PROGRAM);
             command.args(&self.arguments);
@@ -308,9 +320,19 @@ pub fn progress_lines(stderr: &str) -> usize {
 
 /// Ends a process at once; it may have ended by itself.
 pub fn kill(pid: u32) {
+    signal(pid, Signal::KILL);
+}
+
+/// Sends a signal to a process; it may have ended by itself.
+pub fn signal(pid: u32, number: Signal) {
     if let Some(pid) = Pid::from_raw(pid as i32) {
-        let _ = kill_process(pid, Signal::KILL);
+        let _ = kill_process(pid, number);
     }
+}
+
+/// Sends a signal to what was started: the program, or mpirun.
+pub fn signal_job(job: &Running, number: Signal) {
+    signal(job.child.id(), number);
 }
 
 fn children(parent: u32) -> Vec<u32> {

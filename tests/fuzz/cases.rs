@@ -141,6 +141,11 @@ const KEYS: &[&str] = &[
     "output.file",
     "output.interval",
     "output.energy",
+    "checkpoint",
+    "checkpoint.interval",
+    "checkpoint.wall",
+    "limits",
+    "limits.wall",
     "x",
     "particles.x",
     "t_end.x",
@@ -423,6 +428,9 @@ const POSITIVE: &[&str] = &[
     "solver.min_step",
     "solver.max_step",
     "output.interval",
+    "checkpoint.interval",
+    "checkpoint.wall",
+    "limits.wall",
 ];
 
 /// Settings that are right, so that steps are taken by every method and of every effect.

@@ -1,0 +1,147 @@
+//! What a rank sees of the world outside while it computes: signals, the clock, the stop file.
+
+use crate::checkpoint;
+use crate::scene::Scene;
+use crate::wish::Wish;
+use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
+use signal_hook::flag;
+use std::cell::Cell;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// Signals that stop a run: those that people and batch systems send.
+const SIGNALS: [i32; 3] = [SIGTERM, SIGINT, SIGUSR1];
+/// How often the stop file is looked for: a look takes long on a shared file system.
+const LOOK: Duration = Duration::from_millis(200);
+
+/// Everything that may stop a run or ask it for a checkpoint.
+#[derive(Debug)]
+pub struct Outside {
+    /// The last signal; 0: none.
+    signal: Arc<AtomicUsize>,
+    /// Only rank 0 has a clock and looks for the file.
+    leads: bool,
+    started: Instant,
+    limit: f64,
+    between_checkpoints: f64,
+    saved: Cell<Instant>,
+    stop_file: PathBuf,
+    looked: Cell<Instant>,
+}
+
+impl Outside {
+    /// Of a run of `scene` that writes to `output` and whose clock was `started`. From now on signals do not end the
+    /// process any more, but the second one does.
+    pub fn listen(scene: &Scene, output: &Path, rank: usize, started: Instant) -> io::Result<Self> {
+        let (signal, second) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
+        for number in SIGNALS {
+            // In this order: the first one arms what the second one meets.
+            flag::register_conditional_default(number, Arc::clone(&second))?;
+            flag::register(number, Arc::clone(&second))?;
+            flag::register_usize(number, Arc::clone(&signal), number as usize)?;
+        }
+        Ok(Outside { signal, ..Outside::deaf(scene, output, rank, started) })
+    }
+
+    /// The same without signals.
+    fn deaf(scene: &Scene, output: &Path, rank: usize, started: Instant) -> Self {
+        let limit = scene.limits.as_ref().and_then(|keys| keys.wall);
+        let wall = scene.checkpoint.as_ref().and_then(|keys| keys.wall);
+        Outside {
+            signal: Arc::default(),
+            leads: rank == 0,
+            started,
+            limit: limit.unwrap_or(f64::INFINITY),
+            between_checkpoints: wall.unwrap_or(f64::INFINITY),
+            saved: Cell::new(started),
+            stop_file: checkpoint::stop_file(output),
+            looked: Cell::new(started),
+        }
+    }
+
+    /// What this rank would tell the others.
+    pub fn wish(&self) -> Wish {
+        if let Ok(number @ 1..) = u8::try_from(self.signal.load(Ordering::Relaxed)) {
+            return Wish::Signal(number);
+        }
+        if !self.leads {
+            return Wish::Nothing;
+        }
+        let now = Instant::now();
+        if (now - self.started).as_secs_f64() >= self.limit {
+            return Wish::WallLimit;
+        }
+        if now - self.looked.get() >= LOOK {
+            self.looked.set(now);
+            if self.stop_file.exists() {
+                return Wish::StopFile;
+            }
+        }
+        if (now - self.saved.get()).as_secs_f64() >= self.between_checkpoints {
+            return Wish::Checkpoint;
+        }
+        Wish::Nothing
+    }
+
+    /// A checkpoint was written just now.
+    pub fn saved(&self) {
+        self.saved.set(Instant::now());
+    }
+
+    /// The wish to stop is granted: who made the stop file need not remove it.
+    pub fn granted(&self, wish: Wish) {
+        if self.leads && wish == Wish::StopFile {
+            // If it cannot be removed, the next run will stop at once and say why.
+            let _ = std::fs::remove_file(&self.stop_file);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outside(sets: &[&str], folder: &Path, rank: usize, age: f64) -> Outside {
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let scene = Scene::parse("settle.toml", include_str!("../configs/settle.toml"), &sets).unwrap();
+        let started = Instant::now().checked_sub(Duration::from_secs_f64(age)).unwrap();
+        Outside::deaf(&scene, &folder.join("a.vtkhdf"), rank, started)
+    }
+
+    #[test]
+    fn limits_are_rank_0_s_affair_and_the_stronger_wish_comes_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |sets: &[&str], rank| outside(sets, folder.path(), rank, 10.0).wish();
+        assert_eq!(of(&[], 0), Wish::Nothing);
+        assert_eq!(of(&["limits.wall=5"], 0), Wish::WallLimit);
+        assert_eq!(of(&["limits.wall=5"], 1), Wish::Nothing);
+        assert_eq!(of(&["limits.wall=1e300"], 0), Wish::Nothing);
+        assert_eq!(of(&["checkpoint.wall=5"], 0), Wish::Checkpoint);
+        assert_eq!(of(&["checkpoint.wall=5", "limits.wall=5"], 0), Wish::WallLimit);
+    }
+
+    #[test]
+    fn a_stop_file_is_seen_and_removed_when_it_is_granted() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.vtkhdf.stop");
+        std::fs::write(&file, "").unwrap();
+        let outside = outside(&[], folder.path(), 0, 1.0);
+        assert_eq!(outside.wish(), Wish::StopFile);
+        outside.granted(Wish::Signal(15));
+        assert!(file.exists());
+        outside.granted(Wish::StopFile);
+        assert!(!file.exists());
+    }
+
+    #[test]
+    fn a_checkpoint_resets_the_clock_of_checkpoints() {
+        let folder = tempfile::tempdir().unwrap();
+        let outside = outside(&["checkpoint.wall=5"], folder.path(), 0, 10.0);
+        assert_eq!(outside.wish(), Wish::Checkpoint);
+        outside.saved();
+        assert_eq!(outside.wish(), Wish::Nothing);
+    }
+}
