@@ -9,6 +9,9 @@ configs="$PWD/configs"
 launch/setup.sh
 . launch/env.sh
 
+echo "== restart: 20 ranks killed at random times, runs stopped at three times and taken up on 1, 2 and 3 ranks"
+cargo test --locked --features long-tests --test restart -- --nocapture --test-threads=1 2>&1 | grep -v '^t = '
+
 echo "== packing: step counts, volume fractions, walls"
 cargo test --locked --features long-tests --test packing -- --nocapture --test-threads=1
 

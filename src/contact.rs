@@ -145,27 +145,9 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
         self.f_0 * exp(-self.kappa * gap)
     }
 
-    /// Energy stored in a contact at rest at `gap` (m), in J: the integral of rho(0) F up to `l_max`.
-    /// With this share H of docs/design.md never grows, whatever the speeds.
-    pub fn stored_energy(&self, gap: f64) -> f64 {
-        if gap <= self.l_max {
-            self.rebound.share(0.0) * (self.repulsion(gap) - self.repulsion(self.l_max)) / self.kappa
-        } else {
-            0.0
-        }
-    }
-
-    /// Power (W) that one contact takes out of kinetic energy + stored energy: by rebound, (rho(v) - rho(0)) F v with
-    /// v the closing speed, which is never negative; and by friction, -F_fr . t. Arguments as for `action`, at any gap.
-    pub fn dissipation<W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2] {
-        if gap > self.l_max {
-            return [0.0; 2];
-        }
-        let closing = -n.dot(v_rel);
-        let repulsion = self.repulsion(gap);
-        let rebound = (self.rebound.share(closing) - self.rebound.share(0.0)) * repulsion * closing;
-        let slip = v_rel + n * closing - spins.surface_velocity(self.r, n);
-        [rebound, -self.tangential.friction(repulsion, &slip).dot(&slip)]
+    /// Energies of contacts under this law.
+    pub fn energies(&self) -> Energies<'_, R, T> {
+        Energies { law: self, share: self.rebound.share(0.0), least: self.repulsion(self.l_max) }
     }
 
     /// Force and torque on particle i by one contact, eqs. (2.3), (2.5), (2.6), (2.9), (2.11), (2.12).
@@ -186,6 +168,46 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
             action.torque = W::torque(self.r, n, &friction);
         }
         action
+    }
+}
+
+/// Energies of contacts, with what is the same for all of them worked out once.
+#[derive(Debug, Clone, Copy)]
+pub struct Energies<'a, R, T> {
+    law: &'a Law<R, T>,
+    /// rho(0)
+    share: f64,
+    /// F(l_max), N.
+    least: f64,
+}
+
+impl<R: Rebound, T: Tangential> Energies<'_, R, T> {
+    /// Energy stored in a contact at rest at any `gap` (m), in J: the integral of rho(0) F up to `l_max`.
+    /// With this share H of docs/design.md never grows, whatever the speeds.
+    #[inline(always)]
+    pub fn stored(&self, gap: f64) -> f64 {
+        let energy = self.share * (self.law.repulsion(gap) - self.least) / self.law.kappa;
+        if gap <= self.law.l_max { energy } else { 0.0 }
+    }
+
+    /// Power (W) that one contact takes out of kinetic energy + stored energy: by rebound, (rho(v) - rho(0)) F v with
+    /// v the closing speed, which is never negative; and by friction, -F_fr . t. Arguments as for [`Law::action`], at
+    /// any gap.
+    #[inline(always)]
+    pub fn dissipation<W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2] {
+        let law = self.law;
+        let closing = -dot(n, v_rel);
+        let repulsion = law.repulsion(gap);
+        let rebound = (law.rebound.share(closing) - self.share) * repulsion * closing;
+        let mut friction = 0.0;
+        if T::RUBS {
+            let tangent = plus(v_rel, &scaled(closing, n));
+            let slip = minus(&tangent, &spins.surface_velocity(law.r, n));
+            friction = -dot(&law.tangential.friction(repulsion, &slip), &slip);
+        }
+        // What is not a number is not far: it must show.
+        let far = gap > law.l_max;
+        [if far { 0.0 } else { rebound }, if far { 0.0 } else { friction }]
     }
 }
 
@@ -338,8 +360,9 @@ mod tests {
         let (a, b, steps) = (-0.01, 0.1, 200_000);
         let width = (b - a) / steps as f64;
         let work: f64 = (0..steps).map(|k| 0.58 * law.repulsion(a + (k as f64 + 0.5) * width) * width).sum();
-        assert!((law.stored_energy(a) - work).abs() < 1e-9 * work);
-        assert_eq!(law.stored_energy(0.1), 0.0);
-        assert_eq!(law.stored_energy(0.2), 0.0);
+        let stored = |gap: f64| law.energies().stored(gap);
+        assert!((stored(a) - work).abs() < 1e-9 * work);
+        assert_eq!(stored(0.1), 0.0);
+        assert_eq!(stored(0.2), 0.0);
     }
 }

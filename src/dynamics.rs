@@ -6,7 +6,7 @@ use crate::domain::migration::{self, Census};
 use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::error::Error;
-use crate::forces::{Broken, Forces, Setting};
+use crate::forces::{Broken, Depth, Dissipated, Forces, Setting, Stored};
 use crate::kernel::InstructionSet;
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
@@ -250,7 +250,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         0.5 * SKIN * self.forces.law.r
     }
 
-    /// From now on every right-hand side also tells the power that it dissipates, which costs about as much again.
+    /// From now on every right-hand side also tells the power that it dissipates, which costs about twice as much again.
     pub fn audit(&mut self) {
         self.audits = true;
     }
@@ -377,25 +377,37 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let energy = |body: &Motion<W>| {
             0.5 * mass * body.v.norm_squared() + 0.5 * inertia * body.omega.vector().norm_squared()
         };
-        exact::exact_sum(self.comm, y.iter().map(energy))
+        exact::exact_sum(self.comm, y.len(), |i| energy(&y[i]))
     }
 
     /// Potential energy (J) of all contacts and heights at `y`: rho(0) times the stored energy, so that H of
     /// docs/design.md never grows; and the largest overlap (m). Collective.
     pub fn potential_energy(&mut self, y: &[Motion<W>]) -> (f64, f64) {
         self.place(y);
-        let forces = &self.forces;
-        let energy = exact::exact_sum(self.comm, forces.potential_energies());
-        let mut overlap = [forces.largest_overlap()];
-        self.comm.max(&mut overlap);
-        (energy, overlap[0])
+        let Setting { mass, gravity, .. } = self.forces.setting;
+        let height = |i: usize| -mass * gravity.dot(&y[i].x);
+        let (law, forces) = (self.forces.law, &mut self.forces);
+        let mut depths = forces.largest(&Depth(law.l_max));
+        self.comm.max(&mut depths);
+        let [depth, overlap] = depths;
+        // The closest contact stores most: all ranks work out the same number.
+        let most = law.energies().stored(law.l_max - depth);
+        let highest = exact::largest(y.len(), height);
+        let [energy] = exact::exact_sums(self.comm, [larger(most, highest)], |[scale]| {
+            let [stored, _] = forces.total(&Stored(law.energies()), |terms| [scale.integer(terms[0]), 0]);
+            [stored + exact::total(y.len(), height, scale)]
+        });
+        (energy, overlap)
     }
 
     /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.
     /// Collective.
-    fn dissipation(&self) -> Losses {
-        let own: Vec<Losses> = self.forces.dissipations().collect();
-        [0, 1].map(|k| exact::exact_sum(self.comm, own.iter().map(|losses| losses[k])))
+    fn dissipation(&mut self) -> Losses {
+        let (law, forces) = (self.forces.law, &mut self.forces);
+        let dissipated = Dissipated(law.energies());
+        exact::exact_sums(self.comm, forces.largest(&dissipated), |scales| {
+            forces.total(&dissipated, |power| [0, 1].map(|k| scales[k].integer(power[k])))
+        })
     }
 
     /// Height of the highest point of any sphere against gravity (along z without gravity), from the origin, m.
@@ -476,7 +488,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
                 + inertia * body.omega.vector().norm_squared()
                 + stiffness * body.x.norm_squared()
         };
-        let length = exact::exact_sum(self.comm, v.iter().map(square)).sqrt();
+        let length = exact::exact_sum(self.comm, v.len(), |i| square(&v[i])).sqrt();
         self.clocks.reduction += clock.elapsed();
         length
     }

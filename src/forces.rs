@@ -2,11 +2,11 @@
 //! order of sums of [`crate::neighbors`]. No rank, thread or list changes an order, so the sums have the same bits
 //! everywhere. A pair is evaluated once, or twice where its particles belong to two ranks or two threads.
 
-use crate::contact::{Action, Law, Rebound, Tangential};
+use crate::contact::{Action, Energies, Law, Rebound, Tangential};
 use crate::container::Wall;
-use crate::kernel::{self, Batch, InstructionSet, Sweep};
+use crate::kernel::{self, Batch, InstructionSet, Measure, Survey, Sweep};
 use crate::neighbors::{Block, Key, Lists};
-use crate::ode::{Linear, Losses, larger};
+use crate::ode::{Linear, larger};
 use crate::parallel;
 use crate::particle::{Motion, Spin, Vec3, dot, minus};
 use fail::fail_point;
@@ -71,6 +71,41 @@ fn each_block<B: Send, S: Send, A: Send>(
         || each_block((blocks.1, bodies.1, slopes.1, batches.1), work, combine),
     );
     combine(a, b)
+}
+
+/// How far a contact is below the largest gap at which surfaces interact, which it holds, and its overlap, m; 0 where it
+/// is not.
+pub struct Depth(pub f64);
+
+impl<W: Spin> Measure<W> for Depth {
+    const MOVES: bool = false;
+    #[inline(always)]
+    fn of(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
+        let above = |x: f64| if x > 0.0 { x } else { 0.0 };
+        [above(self.0 - gap), above(-gap)]
+    }
+}
+
+/// What a contact stores, J.
+pub struct Stored<'a, R, T>(pub Energies<'a, R, T>);
+
+impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Stored<'_, R, T> {
+    const MOVES: bool = false;
+    #[inline(always)]
+    fn of(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
+        [self.0.stored(gap), 0.0]
+    }
+}
+
+/// Power that a contact dissipates by rebound and by friction, W.
+pub struct Dissipated<'a, R, T>(pub Energies<'a, R, T>);
+
+impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Dissipated<'_, R, T> {
+    const MOVES: bool = true;
+    #[inline(always)]
+    fn of(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2] {
+        self.0.dissipation(gap, n, v_rel, spins)
+    }
 }
 
 /// Bodies, lists and forces of one rank.
@@ -143,14 +178,33 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         self.strayed = 0.0;
     }
 
+    /// Picks the near pairs afresh if a body has strayed too far; of the owned ones that is known.
+    fn follow_near(&mut self) {
+        let ghosts = self.bodies.iter().zip(&self.picked).skip(self.owned);
+        let strayed = ghosts.map(|(body, from)| (body.x - from).norm_squared()).fold(self.strayed, larger);
+        let allowed = 0.5 * INNER_SKIN * self.law.r;
+        if strayed > allowed * allowed {
+            self.pick_near();
+        }
+    }
+
     /// The ghosts, behind the owned bodies.
     pub fn ghosts(&mut self) -> &mut [Motion<W>] {
         &mut self.bodies[self.owned..]
     }
 
-    /// Moves the owned bodies to `y`.
+    /// Moves the owned bodies to `y`; the ghosts are in place.
     pub fn put(&mut self, y: &[Motion<W>]) {
-        self.bodies[..self.owned].copy_from_slice(y);
+        let picked = &self.picked;
+        let put = |first: usize, bodies: &mut [Motion<W>]| {
+            let from = y[first..].iter().zip(&picked[first..]);
+            bodies.iter_mut().zip(from).fold(0.0, |strayed, (body, (y, from))| {
+                *body = *y;
+                larger(strayed, (y.x - from).norm_squared())
+            })
+        };
+        self.strayed = parallel::chunks(&mut self.bodies[..self.owned], parallel::GRAIN, put, 0.0, larger);
+        self.follow_near();
     }
 
     /// Moves the owned bodies to `y`, sets the slopes to the forces (N) and torques (N m) of the walls, and returns the
@@ -186,12 +240,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// eqs. (2.13)-(2.15). Returns how many pairs are within `l_max` and have the earlier of their particles here: over
     /// all ranks every pair is counted once.
     pub fn finish(&mut self, dydt: &mut [Motion<W>]) -> u64 {
-        let ghosts = self.bodies.iter().zip(&self.picked).skip(self.owned);
-        let strayed = ghosts.map(|(body, from)| (body.x - from).norm_squared()).fold(self.strayed, larger);
-        let allowed = 0.5 * INNER_SKIN * self.law.r;
-        if strayed > allowed * allowed {
-            self.pick_near();
-        }
+        self.follow_near();
         let (law, setting, bodies, set) = (&self.law, &self.setting, &self.bodies[..], self.set);
         let finish = |Part { block, slopes, batch, .. }: Part<(), Motion<W>>| {
             fail_point!("worker");
@@ -232,46 +281,51 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     }
 
     /// Listed pairs, each with its earlier particle on this rank, so that over all ranks every pair comes once.
-    fn pairs(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
+    fn pairs(&self) -> impl Iterator<Item = [usize; 2]> {
         self.lists.blocks.iter().flat_map(Block::first_pairs)
     }
 
     /// Owned particle and wall of every listed wall contact.
-    fn wall_contacts(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
+    fn wall_contacts(&self) -> impl Iterator<Item = [usize; 2]> {
         self.lists.blocks.iter().flat_map(Block::wall_contacts)
     }
 
-    /// Terms of the potential energy, J: what contacts store, each once over all ranks, and heights.
-    pub fn potential_energies(&self) -> impl Iterator<Item = f64> + Clone {
-        let pairs = self.pairs().map(|pair| self.law.stored_energy(self.pair_gap(pair)));
-        let walls = self.wall_contacts().map(|contact| self.law.stored_energy(self.wall_gap(contact)));
-        let heights = self.bodies[..self.owned]
-            .iter()
-            .map(|body| -self.setting.mass * self.setting.gravity.dot(&body.x));
-        pairs.chain(walls).chain(heights)
+    /// Largest of each of the two numbers of all contacts of the bodies in place, by magnitude; 0 without any, infinite
+    /// where one is not a number.
+    pub fn largest(&mut self, measure: &impl Measure<W>) -> [f64; 2] {
+        let add = |a: [f64; 2], b: [f64; 2]| std::array::from_fn(|k| larger(a[k], b[k].abs()));
+        self.survey(measure, [0.0; 2], add, add)
     }
 
-    /// Power that every contact dissipates by rebound and by friction, W; each once over all ranks.
-    pub fn dissipations(&self) -> impl Iterator<Item = Losses> + Clone {
-        let pairs = self.pairs().map(|[i, j]| {
-            let (a, b) = (&self.bodies[i], &self.bodies[j]);
-            let apart = a.x - b.x;
-            let d = apart.norm();
-            let (gap, n) = (d - 2.0 * self.law.r, apart / d);
-            self.law.dissipation(gap, &n, &(a.v - b.v), &a.omega.plus(&b.omega))
-        });
-        let walls = self.wall_contacts().map(|[i, k]| {
-            let (body, n) = (&self.bodies[i], -self.setting.walls[k].normal);
-            self.law.dissipation(self.wall_gap([i, k]), &n, &body.v, &body.omega)
-        });
-        pairs.chain(walls)
+    /// Sums of the integers that stand for the two numbers of all contacts of the bodies in place.
+    pub fn total(
+        &mut self,
+        measure: &impl Measure<W>,
+        integers: impl Fn([f64; 2]) -> [i64; 2] + Sync,
+    ) -> [i128; 2] {
+        let add = |a: [i128; 2], b: [i128; 2]| std::array::from_fn(|k| a[k] + b[k]);
+        let take = |sum, terms| add(sum, integers(terms).map(i128::from));
+        self.survey(measure, [0; 2], take, add)
     }
 
-    /// Largest overlap of the bodies in place with each other and with walls, m; 0 without any.
-    pub fn largest_overlap(&self) -> f64 {
-        let pairs = self.pairs().map(|pair| self.pair_gap(pair));
-        let walls = self.wall_contacts().map(|contact| self.wall_gap(contact));
-        pairs.chain(walls).fold(0.0, |overlap, gap| f64::max(overlap, -gap))
+    /// Folds the numbers of all contacts of the bodies in place, each contact once over all ranks. The order must not
+    /// matter.
+    fn survey<A: Copy + Send + Sync>(
+        &mut self,
+        measure: &impl Measure<W>,
+        identity: A,
+        take: impl Fn(A, [f64; 2]) -> A + Sync,
+        combine: impl Fn(A, A) -> A + Sync,
+    ) -> A {
+        let (r, walls, bodies, set) = (self.law.r, &self.setting.walls[..], &self.bodies[..], self.set);
+        let work = |Part { block, batch, .. }: Part<(), ()>| {
+            let mut sum = identity;
+            let survey = Survey { r, walls, bodies, block, batch };
+            kernel::measure(set, survey, measure, |terms| sum = take(sum, terms));
+            sum
+        };
+        let nothing = (&mut vec![(); self.owned][..], &mut vec![(); self.owned][..]);
+        each_block((&self.lists.blocks[..], nothing.0, nothing.1, &mut self.batches[..]), &work, &combine)
     }
 
     /// The contacts of the bodies in place whose force is not finite.

@@ -6,6 +6,7 @@
 //! same bits.
 
 use crate::contact::{Action, Law, Rebound, Tangential};
+use crate::container::Wall;
 use crate::error::Error;
 use crate::forces::Setting;
 use crate::neighbors::Block;
@@ -194,6 +195,81 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
     }
 }
 
+/// Two numbers that every contact has, of which whole systems have maxima or sums.
+pub trait Measure<W>: Sync {
+    /// Whether velocities and spins matter.
+    const MOVES: bool;
+    /// The numbers of one contact, at any gap; arguments as for [`Law::action`].
+    fn of(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2];
+}
+
+/// The contacts of one block, each once over all blocks of all ranks.
+pub struct Survey<'a, W> {
+    /// Radius of every sphere, m.
+    pub r: f64,
+    /// The walls.
+    pub walls: &'a [Wall],
+    /// Owned particles, then ghosts.
+    pub bodies: &'a [Motion<W>],
+    /// The block's lists.
+    pub block: &'a Block,
+    /// Scratch.
+    pub batch: &'a mut Batch,
+}
+
+/// Hands the numbers of all contacts of the survey to `take`, in no order that matters.
+pub fn measure<W: Spin, M: Measure<W>>(
+    set: InstructionSet,
+    survey: Survey<W>,
+    measure: &M,
+    take: impl FnMut([f64; 2]),
+) {
+    run(set, Measuring(survey, measure, take));
+}
+
+struct Measuring<'a, W, M, F>(Survey<'a, W>, &'a M, F);
+
+impl<W: Spin, M: Measure<W>, F: FnMut([f64; 2])> Vectorised for Measuring<'_, W, M, F> {
+    type Output = ();
+    #[inline(always)]
+    fn work(self) {
+        let Measuring(Survey { r, walls, bodies, block, batch, .. }, measure, mut take) = self;
+        for contacts in block.near.chunks(BATCH) {
+            for (k, &[i, j]) in contacts.iter().enumerate() {
+                let (a, b) = (&bodies[i as usize], &bodies[j as usize]);
+                batch.put_moving::<_, M>(k, &minus(&a.x, &b.x), || {
+                    (minus(&a.v, &b.v), a.omega.plus(&b.omega))
+                });
+                // The others are counted where their first particle is.
+                batch.near[k] = u64::from(block.range.contains(&(i as usize)));
+            }
+            for k in 0..BATCH {
+                let apart = batch.normal(k);
+                let d = dot(&apart, &apart).sqrt();
+                batch.measure(k, measure, d - 2.0 * r, &scaled(1.0 / d, &apart));
+            }
+            for k in 0..contacts.len() {
+                if batch.near[k] == 1 {
+                    take([batch.n[0][k], batch.n[1][k]]);
+                }
+            }
+        }
+        for contacts in block.walls.chunks(BATCH) {
+            for (k, &[i, wall]) in contacts.iter().enumerate() {
+                let (body, wall) = (&bodies[i as usize], &walls[wall as usize]);
+                batch.gap[k] = wall.depth(&body.x) - r;
+                batch.put_moving::<_, M>(k, &-wall.normal, || (body.v, body.omega));
+            }
+            for k in 0..BATCH {
+                batch.measure(k, measure, batch.gap[k], &batch.normal(k));
+            }
+            for k in 0..contacts.len() {
+                take([batch.n[0][k], batch.n[1][k]]);
+            }
+        }
+    }
+}
+
 struct Walls<'a, R, T, W>(Sweep<'a, R, T, W>);
 
 impl<R: Rebound, T: Tangential, W: Spin> Vectorised for Walls<'_, R, T, W> {
@@ -228,6 +304,24 @@ impl Batch {
     #[inline(always)]
     fn normal(&self, k: usize) -> Vec3 {
         Vec3::new(self.n[0][k], self.n[1][k], self.n[2][k])
+    }
+
+    /// `put`, of velocities and spins only where the measure asks for them.
+    #[inline(always)]
+    fn put_moving<W: Spin, M: Measure<W>>(&mut self, k: usize, n: &Vec3, motion: impl FnOnce() -> (Vec3, W)) {
+        if M::MOVES {
+            let (v, spins) = motion();
+            self.put(k, n, &v, &spins);
+        } else {
+            (self.n[0][k], self.n[1][k], self.n[2][k]) = (n.x, n.y, n.z);
+        }
+    }
+
+    /// Replaces the first two components of the normal by the two numbers of the measure.
+    #[inline(always)]
+    fn measure<W: Spin, M: Measure<W>>(&mut self, k: usize, measure: &M, gap: f64, n: &Vec3) {
+        let v = Vec3::new(self.v[0][k], self.v[1][k], self.v[2][k]);
+        [self.n[0][k], self.n[1][k]] = measure.of(gap, n, &v, &self.torque::<W>(k));
     }
 
     /// Replaces what was put by force and torque; zero unless the contact is `near`.
@@ -307,7 +401,7 @@ fn run<J: Vectorised>(_set: InstructionSet, job: J) -> J::Output {
 mod tests {
     use super::*;
     use crate::contact::{Coulomb, Dissipative, Elastic, Frictionless};
-    use crate::container::Wall;
+    use crate::forces::{Dissipated, Stored};
     use crate::neighbors::{Lists, Order};
     use crate::ode::Linear;
     use crate::particle::{Locked, Spinning};
@@ -426,6 +520,71 @@ mod tests {
         check::<_, _, Locked>(law(Dissipative::new(0.4, 10.0), Frictionless));
         check::<_, _, Locked>(law(Dissipative::new(0.4, 10.0), Coulomb::new(0.2, 0.01)));
         check::<_, _, Spinning>(law(Dissipative::new(0.4, 10.0), Coulomb::new(0.2, 0.01)));
+    }
+
+    /// Sums, in units of 2^-40, and maxima of a measure over all contacts.
+    fn measured<W: Spin>(
+        set: InstructionSet,
+        blocks: usize,
+        numbers: &impl Measure<W>,
+    ) -> ([i128; 2], [f64; 2], Vec<Motion<W>>) {
+        let (bodies, lists) = cloud::<W>(300, blocks);
+        let walls = &setting().walls[..];
+        let (mut sums, mut maxima) = ([0; 2], [0.0; 2]);
+        for block in &lists.blocks {
+            let batch = &mut Batch::default();
+            let survey = Survey { r: 0.1, walls, bodies: &bodies, block, batch };
+            measure(set, survey, numbers, |terms| {
+                for k in 0..2 {
+                    sums[k] += (terms[k] * 2f64.powi(40)).round() as i128;
+                    maxima[k] = f64::max(maxima[k], terms[k]);
+                }
+            });
+        }
+        (sums, maxima, bodies)
+    }
+
+    /// The same numbers, contact by contact, over all pairs of bodies and all walls.
+    fn check_measure<W: Spin>(numbers: &impl Measure<W>) {
+        let (sums, maxima, bodies) = measured(InstructionSet::Baseline, 1, numbers);
+        for set in InstructionSet::available() {
+            for blocks in [1, 2, 7] {
+                let found = measured(set, blocks, numbers);
+                assert!((found.0, found.1) == (sums, maxima), "other bits: {}, {blocks} blocks", set.name());
+            }
+        }
+        let (mut expected, mut largest) = ([0.0; 2], [0.0f64; 2]);
+        let mut add = |terms: [f64; 2]| {
+            for k in 0..2 {
+                expected[k] += terms[k];
+                largest[k] = largest[k].max(terms[k]);
+            }
+        };
+        for (i, a) in bodies.iter().enumerate() {
+            for wall in &setting().walls {
+                add(numbers.of(wall.depth(&a.x) - 0.1, &-wall.normal, &a.v, &a.omega));
+            }
+            for b in &bodies[i + 1..] {
+                let apart = a.x - b.x;
+                let n = apart.normalize();
+                add(numbers.of(apart.norm() - 0.2, &n, &(a.v - b.v), &a.omega.plus(&b.omega)));
+            }
+        }
+        for k in 0..2 {
+            let found = sums[k] as f64 * 2f64.powi(-40);
+            assert!((found - expected[k]).abs() <= 1e-9 * expected[k].abs(), "{found} {}", expected[k]);
+            assert!((maxima[k] - largest[k]).abs() <= 1e-12 * largest[k]);
+        }
+    }
+
+    #[test]
+    fn every_contact_is_measured_once_with_any_instructions_and_blocks() {
+        let basic = law(Dissipative::new(0.4, 10.0), Frictionless);
+        let full = law(Dissipative::new(0.4, 10.0), Coulomb::new(0.2, 0.01));
+        check_measure::<Locked>(&Stored(basic.energies()));
+        check_measure::<Spinning>(&Stored(full.energies()));
+        check_measure::<Locked>(&Dissipated(basic.energies()));
+        check_measure::<Spinning>(&Dissipated(full.energies()));
     }
 
     #[test]

@@ -1,12 +1,15 @@
 //! A step takes no memory once its vectors have their size: allocators cost time, and memory that grows ends long runs.
-//! On one rank and one thread; rayon's queues are its own matter.
+//! On one thread; rayon's queues are its own matter, and so is what MPI does in C.
 
 #[path = "../benches/common/mod.rs"]
 mod beds;
+#[path = "common/mpirun.rs"]
+mod mpirun;
 
-use beds::{Job, bed, scene, simulate};
+use beds::{Job, bed, scene, simulate_on};
 use demhybrid::contact::{Rebound, Tangential};
 use demhybrid::container::walls;
+use demhybrid::domain::{Comm, Solo, World};
 use demhybrid::dynamics::Dynamics;
 use demhybrid::ode::{
     Anchor, Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, Norm, RungeKutta, Trial, Verlet, Weights,
@@ -14,14 +17,22 @@ use demhybrid::ode::{
 use demhybrid::particle::Spin;
 use demhybrid::scene::Scene;
 use demhybrid::simulation::Simulation;
+use std::process::Command;
 
 /// Takes steps of different sizes by every method, and counts.
-struct Steps;
+struct Steps {
+    /// Whether right-hand sides also tell what they dissipate, as `output.energy` asks for.
+    audited: bool,
+    ranks: usize,
+}
 
 impl Job for Steps {
     fn run<R: Rebound, T: Tangential, W: Spin>(self, mut simulation: Simulation<R, T, W>) {
         let y = simulation.state().to_vec();
         let dynamics = simulation.dynamics_mut();
+        if self.audited {
+            dynamics.audit();
+        }
         let mut methods: Vec<Box<dyn Method<Dynamics<R, T, W>> + '_>> = vec![
             Box::new(RungeKutta::new(&MERSON)),
             Box::new(RungeKutta::new(&DORMAND_PRINCE)),
@@ -45,15 +56,19 @@ impl Job for Steps {
             let info = allocation_counter::measure(|| steps(&[1e-5, 1e-4, 3e-4, 1e-5, 2e-4, 1e-4]));
             assert_eq!(info.count_total, 0, "{} allocates in a step: {info:?}", method.name());
         }
+        let mut energies = || (dynamics.kinetic_energy(&y), dynamics.potential_energy(&y));
+        let info = allocation_counter::measure(|| _ = std::hint::black_box(energies()));
+        assert_eq!(info.count_total, 0, "the energies of a frame allocate: {info:?}");
         // The counter counts.
         let info = allocation_counter::measure(|| drop(std::hint::black_box(vec![0u8; 100])));
         assert_eq!(info.count_total, 1);
-        assert!(dynamics.ghosts() == 0 && dynamics.small_length() > 0.0);
+        assert!((dynamics.ghosts() > 0) == (self.ranks > 1) && dynamics.small_length() > 0.0);
+        assert!((dynamics.losses() != [0.0; 2]) == self.audited, "lost: {:?} W", dynamics.losses());
     }
 }
 
-#[test]
-fn a_step_allocates_nothing() {
+/// All variants, between walls, audited and not. Collective.
+fn steps_of_all_variants(comm: &dyn Comm) {
     for variant in beds::VARIANTS {
         // The spheres lie against three of five walls.
         let text = include_str!("../configs/bed.toml")
@@ -62,6 +77,37 @@ fn a_step_allocates_nothing() {
         let walled = Scene::parse("bed", &text, &[]).expect("the scene is valid");
         assert_eq!(walls(&walled.container).len(), 5);
         let scene = Scene { container: walled.container, ..scene(variant) };
-        simulate(&scene, &bed(500), Steps);
+        for audited in [false, true] {
+            simulate_on(comm, &scene, &bed(500), Steps { audited, ranks: comm.size() });
+        }
+    }
+}
+
+#[test]
+fn a_step_allocates_nothing() {
+    steps_of_all_variants(&Solo);
+}
+
+/// Set for the ranks of `a_step_on_two_or_three_ranks_allocates_nothing`, which are this program again.
+const RANK: &str = "DEMHYBRID_TEST_IS_A_RANK";
+
+#[test]
+fn a_step_on_two_or_three_ranks_allocates_nothing() {
+    let name = "a_step_on_two_or_three_ranks_allocates_nothing";
+    if std::env::var_os(RANK).is_some() {
+        let (universe, _) = mpi::initialize_with_threading(mpi::Threading::Funneled).expect("MPI starts");
+        let world = World::new(universe.world());
+        assert!(world.size() > 1);
+        steps_of_all_variants(&world);
+        return;
+    }
+    for ranks in ["2", "3"] {
+        let program = std::env::current_exe().expect("a test has a program");
+        let mut job = Command::new("timeout");
+        job.args(["90", "mpirun", "-n", ranks]).arg(program).args(["--exact", name, "--nocapture"]);
+        let ended = job.envs(mpirun::OPEN_MPI).env(RANK, "1").output().expect("mpirun starts");
+        let said = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        assert!(ended.status.success(), "{}{}", said(&ended.stdout), said(&ended.stderr));
+        assert_eq!(said(&ended.stdout).matches("1 passed").count().to_string(), ranks);
     }
 }

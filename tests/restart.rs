@@ -18,6 +18,9 @@ const DEADLINE: u64 = 20;
 /// Rounds of random kills: 3 here, 20 in launch/test-long.sh.
 const KILLS: usize = if cfg!(feature = "long-tests") { 20 } else { 3 };
 
+/// Frames after which a run is stopped, to be taken up on 1, 2 and 3 ranks: in the fall, in the impacts, near the end.
+const STOPS: &[usize] = if cfg!(feature = "long-tests") { &[5, 75, 140] } else { &[75] };
+
 /// 200 spheres that fall, collide and roll until t = 0.6 s, with a frame every 4 ms.
 const SCENE: &str = "
 t_end = 0.6
@@ -33,12 +36,13 @@ contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution
 const FRAMES: usize = 151;
 
 /// The run that nobody disturbed.
-static WHOLE: LazyLock<(TempDir, Results)> = LazyLock::new(|| {
+static WHOLE: LazyLock<Results> = LazyLock::new(|| {
     let folder = folder();
     Job::alone(folder.path(), &["scene.toml", "-q"]).run().with_code(0);
+    // The file stays open when its name has gone.
     let results = Results::open(&folder.path().join("scene.vtkhdf"));
     assert_eq!(results.frames(), FRAMES);
-    (folder, results)
+    results
 });
 
 /// A folder with the scene.
@@ -46,6 +50,16 @@ fn folder() -> TempDir {
     let folder = TempDir::new().unwrap();
     fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
     folder
+}
+
+/// A copy of all files of `folder`.
+fn copy_of(folder: &Path) -> TempDir {
+    let copy = TempDir::new().unwrap();
+    for entry in fs::read_dir(folder).unwrap() {
+        let entry = entry.unwrap();
+        fs::copy(entry.path(), copy.path().join(entry.file_name())).unwrap();
+    }
+    copy
 }
 
 /// Starts the scene in `folder` and waits until it tells of so many frames.
@@ -70,7 +84,7 @@ fn assert_goes_on(ranks: usize, folder: &Path, what: &str) -> Ended {
     let ended = resumed(ranks, folder, &[]).with_code(0);
     let results = Results::open(&folder.join("scene.vtkhdf"));
     assert_eq!((results.frames(), results.count("completed")), (FRAMES, 1), "{what}: {}", ended.stderr);
-    assert_same_bits(&WHOLE.1, &results, what);
+    assert_same_bits(&WHOLE, &results, what);
     ended
 }
 
@@ -137,17 +151,34 @@ fn a_stop_file_and_a_wall_limit_stop_a_run() {
     assert!(ended.stderr.contains("stopped by the stop file at t = "), "{}", ended.stderr);
     assert!(!folder.path().join("scene.vtkhdf.stop").exists());
     // The next part stops by the clock, and the one after that by nothing.
-    let ended = resumed(0, folder.path(), &["--set", "limits.wall=0.5"]).with_code(5);
+    let ended = resumed(0, folder.path(), &["--set", "limits.wall=0.02"]).with_code(5);
     assert!(ended.stderr.contains("stopped by limits.wall at t = "), "{}", ended.stderr);
     assert_eq!(Results::open(&folder.path().join("scene.vtkhdf")).text("stopped_by"), "limits.wall");
     let ended = resumed(2, folder.path(), &["--set", "limits.wall=1e6"]).with_code(0);
     assert!(ended.stdout.contains("scene.vtkhdf done"), "{}", ended.stdout);
     let results = Results::open(&folder.path().join("scene.vtkhdf"));
     assert_eq!(results.count("completed"), 1);
-    for name in WHOLE.1.vector_names() {
-        assert_eq!(WHOLE.1.vectors(name, FRAMES - 1), results.vectors(name, FRAMES - 1), "{name}");
+    for name in WHOLE.vector_names() {
+        assert_eq!(WHOLE.vectors(name, FRAMES - 1), results.vectors(name, FRAMES - 1), "{name}");
     }
-    assert_eq!(WHOLE.1.count("rhs_evaluations"), results.count("rhs_evaluations"));
+    assert_eq!(WHOLE.count("rhs_evaluations"), results.count("rhs_evaluations"));
+}
+
+#[test]
+fn a_stopped_run_goes_on_to_the_same_bits_on_any_number_of_ranks_and_threads() {
+    for &frames in STOPS {
+        let folder = folder();
+        let mut job = started(2, folder.path(), frames);
+        signal_job(&job, Signal::USR1);
+        job.must_end_within(DEADLINE);
+        job.end().with_code(5);
+        for (ranks, threads) in [(1, "2"), (2, "1"), (3, "1")] {
+            let copy = copy_of(folder.path());
+            resumed(ranks, copy.path(), &["--threads", threads]).with_code(0);
+            let what = format!("stopped after {frames} frames, resumed on {ranks} ranks");
+            assert_same_bits(&WHOLE, &Results::open(&copy.path().join("scene.vtkhdf")), &what);
+        }
+    }
 }
 
 #[test]
@@ -228,7 +259,7 @@ fn a_run_without_a_checkpoint_begins_again_and_keeps_its_first_frame() {
         "{}",
         ended.stderr
     );
-    assert_same_bits(&WHOLE.1, &Results::open(&folder.path().join("scene.vtkhdf")), "begun again");
+    assert_same_bits(&WHOLE, &Results::open(&folder.path().join("scene.vtkhdf")), "begun again");
 }
 
 #[test]
@@ -258,7 +289,7 @@ fn a_complete_run_is_left_alone_and_a_longer_one_equals_one_that_was_longer_from
     }
     assert_eq!(before.0, fs::read(&file).unwrap());
     resumed(2, folder.path(), &["--set", "t_end=0.6"]).with_code(0);
-    assert_same_bits(&WHOLE.1, &Results::open(&file), "a longer run");
+    assert_same_bits(&WHOLE, &Results::open(&file), "a longer run");
 }
 
 #[test]
@@ -313,7 +344,7 @@ fn what_cannot_be_taken_up_is_refused_with_one_message() {
     // One that is broken in its particles gives way to the one before.
     fs::write(&a, &first).unwrap();
     fs::write(&b, &second).unwrap();
-    let newest = if fs::metadata(&a).unwrap().len() == 0 { &b } else { newest_of(&a, &b, &WHOLE.0) };
+    let newest = newest_of(&a, &b);
     let mut broken = fs::read(newest).unwrap();
     let at = broken.len() - 2000;
     broken[at] ^= 4;
@@ -324,13 +355,8 @@ fn what_cannot_be_taken_up_is_refused_with_one_message() {
 }
 
 /// The slot that a resumed run would take: found by taking it up in a copy of the folder.
-fn newest_of<'a>(a: &'a Path, b: &'a Path, _whole: &TempDir) -> &'a Path {
-    let copy = TempDir::new().unwrap();
-    let folder = a.parent().unwrap();
-    for entry in fs::read_dir(folder).unwrap() {
-        let entry = entry.unwrap();
-        fs::copy(entry.path(), copy.path().join(entry.file_name())).unwrap();
-    }
+fn newest_of<'a>(a: &'a Path, b: &'a Path) -> &'a Path {
+    let copy = copy_of(a.parent().unwrap());
     let ended = resumed(0, copy.path(), &["--set", "limits.wall=0.01"]);
     if ended.stderr.contains("ckpt-a)") { a } else { b }
 }
@@ -376,8 +402,8 @@ fn a_full_disk_ends_the_run_and_leaves_what_was_there() {
     // On a larger disk it goes on.
     resumed(2, folder.path(), &[]).with_code(0);
     let results = Results::open(&folder.path().join("scene.vtkhdf"));
-    for name in WHOLE.1.vector_names() {
-        assert_eq!(WHOLE.1.vectors(name, FRAMES - 1), results.vectors(name, results.frames() - 1), "{name}");
+    for name in WHOLE.vector_names() {
+        assert_eq!(WHOLE.vectors(name, FRAMES - 1), results.vectors(name, results.frames() - 1), "{name}");
     }
 }
 

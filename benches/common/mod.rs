@@ -3,7 +3,7 @@
 #![allow(dead_code)] // every bench uses a part
 
 use demhybrid::contact::{Rebound, Tangential};
-use demhybrid::domain::Solo;
+use demhybrid::domain::{Comm, Solo};
 use demhybrid::scene::{Container, Scene};
 use demhybrid::simulation::{Simulation, Task, dispatch};
 use demhybrid::start::Start;
@@ -44,18 +44,23 @@ pub fn bed(n: usize) -> Start {
 
 /// Hands a simulation of `start` to `job`, with the scene's effects as types.
 pub fn simulate(scene: &Scene, start: &Start, job: impl Job) {
-    struct Bench<'a, J>(&'a Scene, &'a Start, J);
+    simulate_on(&Solo, scene, start, job);
+}
+
+/// `simulate` on several ranks. Collective.
+pub fn simulate_on(comm: &dyn Comm, scene: &Scene, start: &Start, job: impl Job) {
+    struct Bench<'a, J>(&'a dyn Comm, &'a Scene, &'a Start, J);
     impl<J: Job> Task for Bench<'_, J> {
         type Output = ();
         fn with<R: Rebound, T: Tangential, W: demhybrid::particle::Spin>(
             self,
             law: demhybrid::contact::Law<R, T>,
         ) {
-            let simulation = Simulation::<R, T, W>::new(self.0, self.1, law, &Solo);
-            self.2.run(simulation.unwrap_or_else(|why| panic!("{why}")));
+            let simulation = Simulation::<R, T, W>::new(self.1, self.2, law, self.0);
+            self.3.run(simulation.unwrap_or_else(|why| panic!("{why}")));
         }
     }
-    dispatch(scene, Bench(scene, start, job));
+    dispatch(scene, Bench(comm, scene, start, job));
 }
 
 /// Work for any variant.

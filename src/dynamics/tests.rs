@@ -1,11 +1,12 @@
-//! The right-hand side does not depend on who owns what.
+//! The right-hand side does not depend on who owns what, and who owns what follows the work.
 
 use super::*;
-use crate::contact::{Coulomb, Dissipative};
+use crate::contact::{Coulomb, Dissipative, Elastic, Frictionless};
 use crate::container::Wall;
 use crate::domain::comm::team::team;
 use crate::domain::rows;
-use crate::particle::Spinning;
+use crate::domain::slabs::imbalance;
+use crate::particle::{Locked, Spinning};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -126,5 +127,42 @@ fn ranks_with_different_instruction_sets_all_use_the_narrowest() {
         ([Baseline; 3], [Baseline; 2]),
     ] {
         team(3, |comm| assert_eq!(common_instructions(comm, sets[comm.rank()]), ends));
+    }
+}
+
+/// Place `k` in a lattice of width `d` (m), 10 across, slightly tilted so that no two heights are equal.
+fn place(k: usize, d: f64) -> Vec3 {
+    let [a, b, c] = [k % 10, k / 10 % 10, k / 100].map(|k| k as f64);
+    Vec3::new(d * a, d * b, d * c + 1e-4 * (10.0 * b + a))
+}
+
+#[test]
+fn slabs_share_out_near_pairs_and_not_particles() {
+    // 500 spheres that touch, and above them 500 far apart.
+    let x: Vec<Vec3> = (0..1000).map(|k| place(k, if k < 500 { 0.19 } else { 0.6 })).collect();
+    let law = Law { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound: Elastic, tangential: Frictionless };
+    // Near pairs are those within the cut-off and a tenth of the radius; alone a particle counts 4.
+    let at = |i: u64| x[i as usize];
+    let work = |i: u64| 3 + x.iter().filter(|other| (at(i) - *other).norm() <= 0.31).count() as u64;
+    for ranks in 2..=3 {
+        team(ranks, |comm| {
+            let ids: Vec<u64> = (0..1000).filter(|id| *id as usize % ranks == comm.rank()).collect();
+            let body = |&id: &u64| Motion { x: x[id as usize], v: Vec3::zeros(), omega: Locked };
+            let mut y = ids.iter().map(body).collect();
+            let setting =
+                Setting { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
+            let mut dynamics = Dynamics::new(comm, law, setting, 1.0, ids, &mut y, &mut []).unwrap();
+            // The first lists were not known when the first bounds were set.
+            dynamics.rebuild(&mut Anchor::new(0.0, y)).unwrap();
+            let expected: Vec<u64> = dynamics.ids().iter().map(|&id| work(id)).collect();
+            assert_eq!(dynamics.forces.loads(), expected);
+            let (mut loads, mut counts) = (vec![0; ranks], vec![0; ranks]);
+            loads[comm.rank()] = expected.iter().sum();
+            counts[comm.rank()] = expected.len() as u64;
+            comm.sum(&mut loads);
+            comm.sum(&mut counts);
+            assert!(imbalance(&loads) < 1.1, "{loads:?}");
+            assert!(imbalance(&counts) > 1.3, "{counts:?}");
+        });
     }
 }

@@ -26,7 +26,7 @@ const GLANCE: Duration = Duration::from_millis(5);
 
 /// What launch/env.sh sets, and a kinder way to wait: where other work shares the cores, ranks that spin keep
 /// the rank they wait for from running.
-const OPEN_MPI: [(&str, &str); 5] = [
+pub const OPEN_MPI: [(&str, &str); 5] = [
     ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
     ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
     ("OMPI_MCA_rmaps_base_oversubscribe", "1"),

@@ -1,0 +1,38 @@
+//! What energies cost: the potential energy of a frame, and a right-hand side with and without what contacts dissipate.
+
+use common::Job;
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use demhybrid::contact::{Rebound, Tangential};
+use demhybrid::ode::Ivp;
+use demhybrid::particle::Spin;
+use demhybrid::simulation::Simulation;
+
+mod common;
+
+struct Energies<'a>(&'a mut Criterion, usize);
+
+impl Job for Energies<'_> {
+    fn run<R: Rebound, T: Tangential, W: Spin>(self, mut simulation: Simulation<R, T, W>) {
+        let mut group = self.0.benchmark_group("energy");
+        group.sample_size(10).throughput(Throughput::Elements(self.1 as u64));
+        let id = |what: &str| BenchmarkId::new(what, self.1);
+        let y = simulation.state().to_vec();
+        let mut slopes = y.clone();
+        let dynamics = simulation.dynamics_mut();
+        group.bench_function(id("potential"), |b| b.iter(|| dynamics.potential_energy(&y)));
+        group.bench_function(id("kinetic"), |b| b.iter(|| dynamics.kinetic_energy(&y)));
+        dynamics.begin(&y);
+        group.bench_function(id("rhs"), |b| b.iter(|| dynamics.rhs(0.0, &y, &mut slopes)));
+        dynamics.audit();
+        group.bench_function(id("rhs, audited"), |b| b.iter(|| dynamics.rhs(0.0, &y, &mut slopes)));
+    }
+}
+
+fn energies(c: &mut Criterion) {
+    for n in [2_000, 20_000, 200_000] {
+        common::simulate(&common::scene("friction+rotation"), &common::bed(n), Energies(c, n));
+    }
+}
+
+criterion_group!(benches, energies);
+criterion_main!(benches);
