@@ -7,6 +7,7 @@ use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::error::Error;
 use crate::forces::{Broken, Depth, Dissipated, Forces, Setting, Stored};
+use crate::kernel::InstructionSet;
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
 use crate::particle::{Motion, Spin, Vec3};
@@ -88,7 +89,7 @@ pub struct Dynamics<'c, R, T, W> {
 impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// Takes the particles `ids` with their states `y`, spread over the ranks in any way, and brings each to the rank
     /// that owns it, with its part of each list of `companions`. Ids must be 0..count over all ranks; `velocity_scale` is
-    /// a speed that matters, m/s. Collective.
+    /// a speed that matters, m/s. Fails where `InstructionSet::chosen` does, which must be the same on all ranks. Collective.
     pub fn new(
         comm: &'c dyn Comm,
         law: Law<R, T>,
@@ -98,12 +99,13 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         y: &mut Vec<Motion<W>>,
         companions: &mut [&mut Vec<Motion<W>>],
     ) -> Result<Self, Error> {
+        let [set, _] = common_instructions(comm, InstructionSet::chosen()?);
         let mut slabs = Slabs::new(comm.size());
         slabs.balance(comm, y.iter().map(|body| (body.x.z, 1)));
         let mut dynamics = Dynamics {
             census: Census::take(comm, &ids),
             comm,
-            forces: Forces::new(law, setting)?,
+            forces: Forces::new(law, setting, set),
             slabs,
             halo: Halo::default(),
             ids,
@@ -418,6 +420,15 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     }
 }
 
+/// The narrowest and the widest of the instruction sets that the ranks offer; `own` is this rank's. All use the narrowest.
+/// Collective.
+pub fn common_instructions(comm: &dyn Comm, own: InstructionSet) -> [InstructionSet; 2] {
+    let number = InstructionSet::ALL.iter().position(|&set| set == own).unwrap_or(0) as f64;
+    let mut ends = [-number, number];
+    comm.max(&mut ends);
+    ends.map(|end| InstructionSet::ALL[end.abs() as usize])
+}
+
 /// Largest speed, m/s.
 fn fastest<W>(y: &[Motion<W>]) -> f64 {
     y.iter().fold(0.0, |speed, body| larger(speed, body.v.norm_squared())).sqrt()
@@ -526,48 +537,4 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::contact::{Elastic, Frictionless};
-    use crate::domain::comm::team::team;
-    use crate::domain::slabs::imbalance;
-    use crate::particle::Locked;
-
-    /// Place `k` in a lattice of width `d` (m), 10 across, slightly tilted so that no two heights are equal.
-    fn place(k: usize, d: f64) -> Vec3 {
-        let [a, b, c] = [k % 10, k / 10 % 10, k / 100].map(|k| k as f64);
-        Vec3::new(d * a, d * b, d * c + 1e-4 * (10.0 * b + a))
-    }
-
-    #[test]
-    fn slabs_share_out_near_pairs_and_not_particles() {
-        // 500 spheres that touch, and above them 500 far apart.
-        let x: Vec<Vec3> = (0..1000).map(|k| place(k, if k < 500 { 0.19 } else { 0.6 })).collect();
-        let law =
-            Law { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound: Elastic, tangential: Frictionless };
-        // Near pairs are those within the cut-off and a tenth of the radius; alone a particle counts 4.
-        let at = |i: u64| x[i as usize];
-        let work = |i: u64| 3 + x.iter().filter(|other| (at(i) - *other).norm() <= 0.31).count() as u64;
-        for ranks in 2..=3 {
-            team(ranks, |comm| {
-                let ids: Vec<u64> = (0..1000).filter(|id| *id as usize % ranks == comm.rank()).collect();
-                let body = |&id: &u64| Motion { x: x[id as usize], v: Vec3::zeros(), omega: Locked };
-                let mut y = ids.iter().map(body).collect();
-                let setting =
-                    Setting { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
-                let mut dynamics = Dynamics::new(comm, law, setting, 1.0, ids, &mut y, &mut []).unwrap();
-                // The first lists were not known when the first bounds were set.
-                dynamics.rebuild(&mut Anchor::new(0.0, y)).unwrap();
-                let expected: Vec<u64> = dynamics.ids().iter().map(|&id| work(id)).collect();
-                assert_eq!(dynamics.forces.loads(), expected);
-                let (mut loads, mut counts) = (vec![0; ranks], vec![0; ranks]);
-                loads[comm.rank()] = expected.iter().sum();
-                counts[comm.rank()] = expected.len() as u64;
-                comm.sum(&mut loads);
-                comm.sum(&mut counts);
-                assert!(imbalance(&loads) < 1.1, "{loads:?}");
-                assert!(imbalance(&counts) > 1.3, "{counts:?}");
-            });
-        }
-    }
-}
+mod tests;

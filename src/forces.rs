@@ -4,7 +4,6 @@
 
 use crate::contact::{Action, Energies, Law, Rebound, Tangential};
 use crate::container::Wall;
-use crate::error::Error;
 use crate::kernel::{self, Batch, InstructionSet, Measure, Survey, Sweep};
 use crate::neighbors::{Block, Key, Lists};
 use crate::ode::{Linear, larger};
@@ -131,9 +130,9 @@ pub struct Forces<R, T, W> {
 }
 
 impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
-    /// No particles yet. Fails where `InstructionSet::chosen` does.
-    pub fn new(law: Law<R, T>, setting: Setting) -> Result<Self, Error> {
-        Ok(Forces {
+    /// No particles yet. This processor must have the instructions of `set`.
+    pub fn new(law: Law<R, T>, setting: Setting, set: InstructionSet) -> Self {
+        Forces {
             law,
             setting,
             lists: Lists::default(),
@@ -142,8 +141,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             picked: Vec::new(),
             strayed: 0.0,
             batches: Vec::new(),
-            set: InstructionSet::chosen()?,
-        })
+            set,
+        }
     }
 
     /// Takes the owned particles `y` and makes room for `ghosts` behind them.

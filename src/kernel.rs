@@ -52,6 +52,10 @@ pub enum InstructionSet {
 }
 
 impl InstructionSet {
+    /// All there are, narrowest first.
+    pub const ALL: [InstructionSet; 3] =
+        [InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512];
+
     /// All that this processor can run, narrowest first.
     pub fn available() -> Vec<InstructionSet> {
         let mut sets = vec![InstructionSet::Baseline];
@@ -368,7 +372,7 @@ trait Vectorised {
 
 /// Does `job` with the instruction set, which must be available.
 #[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code)]
+#[allow(unsafe_code)] // Functions with instructions that not every processor has can be called no other way.
 fn run<J: Vectorised>(set: InstructionSet, job: J) -> J::Output {
     #[target_feature(enable = "avx2")]
     fn avx2<J: Vectorised>(job: J) -> J::Output {
@@ -380,8 +384,9 @@ fn run<J: Vectorised>(set: InstructionSet, job: J) -> J::Output {
     }
     match set {
         InstructionSet::Baseline => job.work(),
-        // SAFETY: the caller takes the set from `InstructionSet::available`.
+        // SAFETY: the caller takes a set that this processor runs: from `InstructionSet::available`, or a narrower one.
         InstructionSet::Avx2 => unsafe { avx2(job) },
+        // SAFETY: the same.
         InstructionSet::Avx512 => unsafe { avx512(job) },
     }
 }

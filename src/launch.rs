@@ -3,6 +3,7 @@
 
 use crate::domain::Comm;
 use crate::error::Error;
+use crate::kernel::InstructionSet;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -95,6 +96,19 @@ pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<(usize, O
         )
     });
     Ok((threads, warning))
+}
+
+/// What to say where ranks sit on machines of different instruction sets, of which `common` is the one that all use.
+pub fn mixed_machines_warning(common: InstructionSet, widest: InstructionSet) -> Option<String> {
+    (common != widest).then(|| {
+        format!(
+            "warning: some ranks run {} instructions, others only {}: all use {}, which may be slower; equal bits are \
+             tested for ranks on machines of one type",
+            widest.name(),
+            common.name(),
+            common.name()
+        )
+    })
 }
 
 /// Which cores this process may run on.

@@ -28,7 +28,8 @@ impl Cells {
         let room = 2 * x.len() as i64 + 64;
         let extent = |axis: usize| high[axis].saturating_sub(low[axis]).clamp(0, room) + 1;
         cells.dims = [extent(0), extent(1), extent(2)];
-        while cells.dims.iter().product::<i64>() > room {
+        let product = |dims: [i64; 3]| dims.into_iter().fold(1, i64::saturating_mul);
+        while product(cells.dims) > room {
             let widest = (0..3).max_by_key(|&axis| cells.dims[axis]).expect("there are three axes");
             cells.dims[widest] = (cells.dims[widest] + 1) / 2;
         }
@@ -257,6 +258,8 @@ impl Block {
 mod tests {
     use super::*;
     use crate::particle::Locked;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use std::collections::BTreeSet;
@@ -385,5 +388,65 @@ mod tests {
         let keys = [4, 5, 6].map(|id| ([0; 3], id));
         lists.rebuild(&x, &keys, 3, 0.01, (&walls, 0.2), 1);
         assert_eq!(lists.blocks[0].walls, [[0, 0], [0, 1], [1, 0]]);
+    }
+
+    #[test]
+    fn a_table_for_many_particles_that_are_far_apart_does_not_overflow() {
+        // The product of its three sizes is beyond 64 bits from about a million particles on.
+        let x: Vec<Vec3> =
+            (0..1_100_000).map(|k| Vec3::repeat(if k % 2 == 0 { 0.0 } else { 1e12 })).collect();
+        assert!(Cells::new(&x, 0.3).start.len() <= 2 * x.len() + 65);
+    }
+
+    /// Clouds: spread evenly, in clumps, on a lattice of half the reach where distances are equal to it, in one point,
+    /// and with coordinates of any size.
+    fn any_cloud() -> impl Strategy<Value = Vec<Vec3>> {
+        let component = prop_oneof![
+            4 => -1.0..1.0f64,
+            2 => (-4i32..4).prop_map(|k| 0.15 * f64::from(k)),
+            1 => (-4i32..4, -1e-9..1e-9f64).prop_map(|(k, shift)| 0.3 * f64::from(k) + shift),
+            1 => prop_oneof![Just(0.0), Just(5e-324), Just(1e6), Just(-1e300), Just(f64::MAX)],
+        ];
+        let point = proptest::collection::vec(component, 3).prop_map(|v| Vec3::new(v[0], v[1], v[2]));
+        let sizes = proptest::collection::vec(prop_oneof![Just(1.0), Just(0.0), Just(0.2), Just(4.0)], 3);
+        let points = proptest::collection::vec(point, 1..90);
+        // Where one is far away the table is of another shape, so most clouds have none.
+        (sizes, points, prop_oneof![3 => Just(false), 1 => Just(true)]).prop_map(|(sizes, points, far)| {
+            let place = |size: f64, x: f64| {
+                if x.abs() <= 2.0 {
+                    size * x
+                } else if far {
+                    x
+                } else {
+                    0.1
+                }
+            };
+            points.into_iter().map(|x| Vec3::from_fn(|axis, _| place(sizes[axis], x[axis]))).collect()
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+
+        #[test]
+        fn lists_of_any_cloud_hold_the_pairs_that_brute_force_finds(
+            x in any_cloud(),
+            share in 0.0..1.0f64,
+            blocks in 1usize..6,
+            sizes in proptest::array::uniform3(0.1..10.0f64),
+        ) {
+            let (reach, n) = (0.3, x.len());
+            let owned = (share * (n + 1) as f64) as usize;
+            let order = Order::new(sizes, reach);
+            let mut all: Vec<_> = x.into_iter().zip(0u64..).map(|(x, id)| (order.key(&x, id), x)).collect();
+            all[..owned].sort_unstable_by_key(|(key, _)| *key);
+            let (x, keys): (Vec<_>, Vec<_>) = all.into_iter().map(|(key, x)| (x, key)).unzip();
+            let (_, found) = listed(&x, &keys, owned, reach, blocks);
+            // A pair at the very reach may lie two cells apart by rounding, and is a skin away from mattering.
+            let within = brute_force(&x, &keys, owned, reach * (1.0 - 1e-9));
+            let not_beyond = brute_force(&x, &keys, owned, reach);
+            prop_assert!(found.is_superset(&within), "missing: {:?}", within.difference(&found));
+            prop_assert!(found.is_subset(&not_beyond), "too many: {:?}", found.difference(&not_beyond));
+        }
     }
 }

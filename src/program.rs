@@ -3,6 +3,7 @@
 use crate::agreement::{agree, share};
 use crate::cli::Args;
 use crate::domain::Comm;
+use crate::dynamics::common_instructions;
 use crate::error::Error;
 use crate::kernel::InstructionSet;
 use crate::launch;
@@ -24,10 +25,12 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     launch::check_launcher(comm.size())?;
     let (threads, bound) = agree(comm, launch::start_threads(comm, args.threads))?;
     let set = agree(comm, InstructionSet::chosen())?;
+    let [set, widest] = common_instructions(comm, set);
+    let mixed = launch::mixed_machines_warning(set, widest);
     let ground = Ground { args, comm, threads, set, started };
     let tell = |warnings: &[String]| {
         if comm.rank() == 0 {
-            bound.iter().chain(warnings).for_each(|warning| launch::say(warning));
+            bound.iter().chain(&mixed).chain(warnings).for_each(|warning| launch::say(warning));
         }
     };
     match (&args.scene, &args.resume) {
@@ -98,7 +101,7 @@ fn load_for_output(args: &Args, path: &Path, comm: &dyn Comm) -> Result<(Scene, 
 pub(crate) fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Start), Error> {
     let text = share(comm, || {
         let unreadable = |why| Error::Input(format!("{}: the scene cannot be read: {why}", path.display()));
-        std::fs::read(path)
+        start::read_bytes(path)
             .map_err(|why| unreadable(why.to_string()))
             .and_then(|bytes| String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".into())))
     })?;

@@ -16,7 +16,7 @@ use crate::error::Error;
 pub(crate) use check::cells_along;
 pub use schema::schema;
 use source::Source;
-pub(crate) use source::brief;
+pub(crate) use source::{brief, shown};
 
 /// A checked scene, every default filled in. SI units throughout.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

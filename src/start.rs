@@ -7,7 +7,8 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::container::{described_walls, short, triple};
 use crate::error::Error;
-use crate::scene::{Grid, Scene, cells_along};
+use crate::scene::{Grid, Scene, cells_along, shown};
+pub(crate) use file::read_bytes;
 pub use file::read_csv;
 
 /// Initial state of all particles; row `k` is the particle of id `k`, all three lists have one length.
@@ -50,7 +51,11 @@ pub fn check(scene: &Scene, start: &Start) -> Result<(), Error> {
     let walls = described_walls(&scene.container);
     let rotates = scene.rotates();
     for (id, ((x, v), omega)) in start.x.iter().zip(&start.v).zip(&start.omega).enumerate() {
-        let wrong = |what: &str| Err(Error::Input(format!("{}: particle {id} {what}", origin(scene))));
+        let row = match scene.particles.file {
+            Some(_) => format!(" (row {} below the first line)", id + 1),
+            None => String::new(),
+        };
+        let wrong = |what: &str| Err(Error::Input(format!("{}: particle {id}{row} {what}", origin(scene))));
         for (name, vector) in [("position", x), ("velocity", v), ("angular velocity", omega)] {
             if !vector.iter().all(|number| number.is_finite()) {
                 return wrong(&format!("has the {name} {}: all numbers must be finite", triple(vector)));
@@ -81,7 +86,7 @@ const NO_ROTATION: &str = "this scene has no rotation: spins must be 0 or left o
 /// Where the initial state comes from, for messages.
 fn origin(scene: &Scene) -> String {
     match &scene.particles.file {
-        Some(file) => file.display().to_string(),
+        Some(file) => shown(file),
         None => "particles.grid".to_owned(),
     }
 }

@@ -272,3 +272,109 @@ fn instruction_sets_can_be_named_and_give_the_same_bits() {
     let job = Job::alone(folder.path(), &["heap.toml"]).with_variable("DEMHYBRID_INSTRUCTIONS", "mmx");
     job.run().with_code(2).only_error(&["DEMHYBRID_INSTRUCTIONS", "mmx", "baseline"]);
 }
+
+#[test]
+fn ranks_with_different_instructions_all_use_the_narrowest_and_say_so() {
+    let folder = folder();
+    let widest = *InstructionSet::available().last().unwrap();
+    let job = Job::on(2, folder.path(), &["heap.toml", "--set", "particles.grid.seed=1", "-q"]);
+    let ended = job.with_variable_of(1, "DEMHYBRID_INSTRUCTIONS", "baseline").run().with_code(0);
+    let mixed = Results::open(&folder.path().join("heap.vtkhdf"));
+    assert!(mixed.text("instruction_set").ends_with(" baseline"), "{}", mixed.text("instruction_set"));
+    let warnings: Vec<_> = ended.stderr.lines().filter(|line| line.contains("instructions")).collect();
+    // A processor that has but one set has nothing to warn of.
+    assert_eq!(warnings.len(), usize::from(widest != InstructionSet::Baseline), "{}", ended.stderr);
+    for warning in warnings {
+        let said = format!("warning: some ranks run {} instructions, others only baseline", widest.name());
+        assert!(warning.starts_with(&said), "{warning}");
+    }
+    let folder = self::folder();
+    let job = Job::on(2, folder.path(), &["heap.toml", "--set", "particles.grid.seed=1", "-q"]);
+    let ended = job.run().with_code(0);
+    assert!(!ended.stderr.contains("instructions"), "{}", ended.stderr);
+    let equal = Results::open(&folder.path().join("heap.vtkhdf"));
+    assert!(equal.text("instruction_set").ends_with(widest.name()));
+    assert_same_bits(&mixed, &equal, "ranks with different instructions");
+}
+
+#[test]
+fn bad_inputs_are_one_message_on_two_ranks() {
+    let folder = TempDir::new().unwrap();
+    let bad = |name: &str| format!("{PACKAGE}/tests/scenes/bad/{name}.toml");
+    let quick = format!("{PACKAGE}/configs/quick.toml");
+    for (arguments, parts) in [
+        (
+            &[&bad("restitution-above-one")[..]][..],
+            ["one.toml:25: contact.restitution = 1.4", "is outside 0..1"],
+        ),
+        (&[&bad("key-misspelt")], ["key-misspelt.toml:22: unknown key contact.resitution", "did you mean"]),
+        (&[&bad("syntax-open-string")], ["syntax-open-string.toml:32: not valid TOML", "expected"]),
+        (
+            &[&bad("count-huge")],
+            ["count-huge.toml:11: particles.grid.count = 1000000000000000000", "1..1000000000"],
+        ),
+        (
+            &[&bad("csv-not-a-number")],
+            ["not-a-number.csv:4: y = \"half\" is not a number", "a finite number"],
+        ),
+        (
+            &[&bad("csv-outside-the-box")],
+            ["particle 1 (row 2 below the first line) at (1.25", "inside all walls"],
+        ),
+        // So many are allowed, where there is memory for them.
+        (
+            &[&quick, "--set", "particles.grid.count=1000000000"],
+            ["1000000000 particles need about", "fewer particles"],
+        ),
+    ] {
+        let ended = Job::on(2, folder.path(), arguments).run().with_code(2);
+        ended.only_error(&parts);
+        assert!(ended.stdout.is_empty() && names(folder.path()).is_empty(), "{}", ended.stdout);
+    }
+}
+
+/// Memory that process `id` holds, bytes.
+fn resident(id: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{id}/status")).unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("it runs");
+    1024 * line.trim().trim_end_matches(" kB").parse::<u64>().unwrap()
+}
+
+#[test]
+fn memory_stays_flat_over_1e5_steps() {
+    // Elastic spheres bounce for ever, lists are built again and again, and a frame comes every thousand steps.
+    let sets = [
+        "t_end=1e4",
+        "output.interval=0.01",
+        "solver={method='velocity-verlet', step=1e-5}",
+        "contact.restitution=1",
+        "friction.coefficient=0",
+        "particles.grid.count=20",
+    ];
+    let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
+    for ranks in [0, 2] {
+        let folder = folder();
+        let arguments = ["heap.toml", "--threads", "1"];
+        let job = if ranks == 0 {
+            Job::alone(folder.path(), &arguments)
+        } else {
+            Job::on(ranks, folder.path(), &arguments)
+        };
+        let mut job = job.and(&sets).start();
+        // Not a question of time: a busy machine may take it.
+        job.must_end_within(600);
+        job.wait_for_frames(20);
+        let processes: Vec<u32> = match ranks {
+            0 => vec![job.process()],
+            _ => (0..ranks).map(|rank| job.process_of(rank)).collect(),
+        };
+        let before: Vec<u64> = processes.iter().map(|&id| resident(id)).collect();
+        job.wait_for_frames(120);
+        for (id, before) in processes.iter().zip(before) {
+            let grown = resident(*id).saturating_sub(before);
+            // Less than ten bytes a step: one number kept of each would show.
+            println!("{before} bytes after 2e4 steps, {grown} more 1e5 steps later, on {ranks} ranks");
+            assert!(grown < 800_000, "{grown} bytes more than {before} after 1e5 steps");
+        }
+    }
+}

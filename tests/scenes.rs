@@ -78,6 +78,96 @@ fn bad_scenes_are_refused_with_the_message_they_carry() {
     assert!(wrong.is_empty(), "{} messages are not as expected:\n{}", wrong.len(), wrong.join("\n"));
 }
 
+/// Bad scenes whose mistake has no line: something is missing at the top, or a file as a whole is wrong. Particles
+/// that do not fit the walls are named by id, and by the row of their file.
+const WITHOUT_LINE: [&str; 13] = [
+    "contact-missing",
+    "csv-beyond-a-wall",
+    "csv-empty",
+    "csv-file-is-a-device",
+    "csv-file-is-a-folder",
+    "csv-file-missing",
+    "csv-no-rows",
+    "csv-on-the-floor",
+    "csv-outside-the-box",
+    "empty",
+    "grid-below-the-floor",
+    "particles-missing",
+    "t-end-missing",
+];
+
+/// How messages say what would be right.
+const RIGHT: [&str; 15] = [
+    "must",
+    "e.g.",
+    "did you mean",
+    " knows ",
+    "expected",
+    "is outside",
+    "exactly one",
+    "leave it out",
+    "may stand there once",
+    "opens that side",
+    " needs ",
+    "go together",
+    "commas",
+    "lower case",
+    "left out",
+];
+
+#[test]
+fn messages_of_bad_scenes_show_the_line_and_say_what_is_right() {
+    let (files, mut wrong) = (scenes("tests/scenes/bad"), Vec::new());
+    let mut tables = 0;
+    for file in &files {
+        let (text, message) = (std::fs::read_to_string(file).unwrap(), refusal(file, &[]));
+        let name = file.file_stem().unwrap().to_str().unwrap();
+        let mut complain = |what: String| wrong.push(format!("{name}: {what}\n  message: {message}"));
+        if !RIGHT.iter().any(|right| message.contains(right)) {
+            complain("it does not say what would be right".into());
+        }
+        tables += usize::from(name.starts_with("csv-"));
+        let first = message.lines().next().unwrap();
+        // PATH:LINE: TEXT
+        let mut parts = first.splitn(3, ':');
+        let (path, line) = (parts.next().unwrap(), parts.next().and_then(|line| line.parse::<usize>().ok()));
+        let Some(line) = line else {
+            if !WITHOUT_LINE.contains(&name) {
+                complain("it names no line".into());
+            }
+            continue;
+        };
+        if !text
+            .lines()
+            .any(|expected| expected.starts_with("# expect: ") && expected.contains(&format!(":{line}: ")))
+        {
+            complain(format!("no expectation says line {line}"));
+        }
+        if path.ends_with(".toml") {
+            let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
+            if !message.contains(shown) || message.lines().count() != 4 {
+                complain(format!("it does not show line {line}: {shown}"));
+            }
+        } else {
+            // The value that is wrong stands in that line of the table.
+            let table = std::fs::read(path).unwrap();
+            let there = String::from_utf8_lossy(&table).lines().nth(line - 1).unwrap_or_default().to_owned();
+            let value = first
+                .split_once(" = ")
+                .map(|(_, rest)| rest.split([' ', ',']).next().unwrap().trim_matches('"'));
+            if !value.is_none_or(|value| there.contains(value)) {
+                complain(format!("line {line} is {there}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{} messages say too little:\n{}", wrong.len(), wrong.join("\n"));
+    // Not println: the test runner would hide it.
+    let counts =
+        format!("bad inputs: {} scenes and {tables} with a bad particle file\n", files.len() - tables);
+    std::io::Write::write_all(&mut std::io::stderr(), counts.as_bytes()).unwrap();
+    assert!(files.len() - tables >= 60 && tables >= 15, "{counts}");
+}
+
 #[test]
 fn every_csv_file_of_the_bad_scenes_is_used() {
     let texts: String =

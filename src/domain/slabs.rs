@@ -26,6 +26,13 @@ impl Slabs {
         Slabs { bounds, achieved: 1.0, age: 0 }
     }
 
+    /// Slabs with these inner bounds (m, ascending), which stay where they are.
+    #[cfg(test)]
+    pub fn with_inner_bounds(inner: &[f64]) -> Self {
+        let bounds = [&[f64::NEG_INFINITY], inner, &[f64::INFINITY]].concat();
+        Slabs { bounds, achieved: f64::INFINITY, age: 0 }
+    }
+
     /// The rank that owns height `z` (m).
     pub fn owner(&self, z: f64) -> usize {
         let inner = &self.bounds[1..self.bounds.len() - 1];

@@ -67,8 +67,8 @@ impl Transfer {
     pub fn new(parallel: bool) -> Result<Self> {
         let (together, alone) = (transfer_list()?, transfer_list()?);
         if parallel {
-            // SAFETY: the list is a live transfer property list; the call only sets a value in it.
             hdf5::sync::sync(|| {
+                // SAFETY: the list is a live transfer property list; the call only sets a value in it.
                 h5check(unsafe { H5Pset_dxpl_mpio(together.id(), H5FD_mpio_xfer_t::H5FD_MPIO_COLLECTIVE) })
             })?;
         }
@@ -96,8 +96,8 @@ impl Transfer {
     pub fn write_text(&self, dataset: &Dataset, text: &str) -> Result<()> {
         let (kind, space) = (dataset.dtype()?, dataset.space()?);
         debug_assert_eq!(kind.size(), text.len(), "the string type holds the text exactly");
-        // SAFETY: memory and file type are the same string type of `text.len()` bytes, and the space has one element.
         hdf5::sync::sync(|| {
+            // SAFETY: memory and file type are the same string type of `text.len()` bytes, and the space has one element.
             h5check(unsafe {
                 H5Dwrite(
                     dataset.id(),
@@ -118,9 +118,10 @@ impl Transfer {
             return Ok("serial".to_string());
         }
         let (mut mode, mut local, mut global) = (0, 0, 0);
-        // SAFETY: the list is a live transfer property list, and the three results outlive the calls.
         hdf5::sync::sync(|| {
+            // SAFETY: the list is a live transfer property list, and the result outlives the call.
             h5check(unsafe { H5Pget_mpio_actual_io_mode(self.together.id(), &mut mode) })?;
+            // SAFETY: the same, with two results.
             h5check(unsafe { H5Pget_mpio_no_collective_cause(self.together.id(), &mut local, &mut global) })
         })?;
         Ok(match mode {

@@ -4,7 +4,7 @@ use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
 
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
-use super::source::{Source, Span};
+use super::source::{Source, Span, brief};
 use super::{BoxSides, Checkpoint, Container, Grid, Scene};
 use crate::error::Error;
 
@@ -174,6 +174,8 @@ fn joined(table: &str, name: &str) -> String {
 /// What to say about a key that does not exist: the nearest ones that do.
 fn unknown(schema: &str, shown: &str, name: &str) -> String {
     let known: Vec<_> = keys::of_table(schema).map(Key::name).collect();
+    // The distance of two words takes time and memory in proportion to the product of their lengths.
+    let name = &brief(name);
     let near = |other: &str| strsim::normalized_damerau_levenshtein(&name.to_lowercase(), other);
     const NEAR_ENOUGH: f64 = 0.6;
     let nearest = |names: &mut dyn Iterator<Item = &'static Key>| {
@@ -232,7 +234,7 @@ fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {
         )),
         (None, None) => Err(source.error(
             source.key("particles"),
-            &format!("particles.file or particles.grid is missing: one of them says where the spheres start, {example}"),
+            &format!("particles.file or particles.grid is missing: one of them must say where the spheres start, {example}"),
         )),
         _ => Ok(()),
     }
@@ -281,7 +283,8 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
         let side = max - min;
         if cells_along(side, grid.spacing) == 0 {
             let message = format!(
-                "{} is larger than the side of container.box in {axis}, {side} m: not one cell of the grid fits in",
+                "{} is larger than the side of container.box in {axis}, {side} m: not one cell of the grid fits in, it must \
+                 be at most that",
                 source.setting("particles.grid.spacing", grid.spacing, "m")
             );
             let place = source.value("particles.grid.spacing").or_else(|| source.value("container.box.max"));
@@ -295,6 +298,10 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
 fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
     let solver = &scene.solver;
     let fixed = solver.method == keys::VELOCITY_VERLET;
+    let given = |path: &str| {
+        let value = source.value(path).map(|span| source.written(&span)).unwrap_or_default();
+        format!("{path} = {value}")
+    };
     let (key, message) = match (fixed, solver.step, solver.tolerance) {
         (true, None, _) => (
             "solver.method",
@@ -302,13 +309,16 @@ fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
         ),
         (true, Some(_), Some(_)) => (
             "solver.tolerance",
-            "solver.tolerance has no meaning for velocity-verlet, whose step is fixed by solver.step; leave it out"
-                .to_owned(),
+            format!(
+                "{} has no meaning for velocity-verlet, whose step is fixed by solver.step: leave it out",
+                given("solver.tolerance")
+            ),
         ),
         (false, Some(_), _) => (
             "solver.step",
             format!(
-                "solver.step is for velocity-verlet alone; the step of {} follows from solver.tolerance",
+                "{} is for method = \"velocity-verlet\" alone: leave it out, the step of {} follows from solver.tolerance",
+                given("solver.step"),
                 solver.method
             ),
         ),

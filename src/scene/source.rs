@@ -3,11 +3,16 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::path::Path;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+use toml_parser::lexer::TokenKind;
 
 use crate::error::Error;
+
+/// Deepest nesting of brackets, braces and words of a key; a scene needs three.
+const DEEPEST: usize = 32;
 
 /// Byte range in the virtual source.
 pub(super) type Span = std::ops::Range<usize>;
@@ -55,13 +60,24 @@ impl<'a> Source<'a> {
     /// The scene's table with every `--set` merged into it, in order: a later value replaces an earlier one, a table
     /// is merged key by key, missing tables are created.
     pub fn merged<'i>(&self, text: &'i str, sets: &'i [SetDocument]) -> Result<Spanned<DeTable<'i>>, Error> {
+        if let Some(place) = too_deep(text) {
+            let message = format!(
+                "not valid TOML: it is nested more than {DEEPEST} deep: a bracket must be closed by its own kind, and a \
+                 key is made of a few words"
+            );
+            return Err(self.error(Some(place), &message));
+        }
         let mut table = DeTable::parse(text).map_err(|mistake| {
-            self.error(mistake.span(), &format!("not valid TOML: {}", mistake.message()))
+            let hint = match mistake.message() {
+                "duplicate key" => ": each key and each [table] may stand there once",
+                _ => "",
+            };
+            self.error(mistake.span(), &format!("not valid TOML: {}{hint}", mistake.message()))
         })?;
         for set in sets {
             put(table.get_mut(), &set.words, set.parsed()).map_err(|depth| {
                 let above = set.words[..=depth].iter().map(|word| word.get_ref().as_str()).collect::<Vec<_>>();
-                let (above, below) = (above.join("."), set.words[depth + 1].get_ref());
+                let (above, below) = (brief(&above.join(".")), brief(set.words[depth + 1].get_ref()));
                 let message = format!(
                     "{above} is not a table in the scene and has no key {below}: --set {above}=VALUE replaces it as a whole"
                 );
@@ -137,16 +153,41 @@ fn set_document(set: &str, start: usize) -> Result<SetDocument, Error> {
         let trimmed = word.trim();
         if trimmed.is_empty() || !trimmed.chars().all(bare) {
             return Err(wrong(&format!(
-                "{key:?} is not a key, which is made of words with dots between them"
+                "{:?} is not a key, which is made of words with dots between them",
+                brief(key)
             )));
         }
         words.push(Spanned::new(offset..offset + word.len(), trimmed.to_owned()));
         offset += word.len() + 1;
     }
+    if words.len() > DEEPEST || too_deep(value).is_some() {
+        return Err(wrong(&format!("it is nested more than {DEEPEST} deep")));
+    }
     // `offset` is now behind the `=`: at least two bytes, a letter and the `=`, come before VALUE.
     let document = format!("{}v={value}", " ".repeat(offset - 2));
     let document = single_value(&document).is_some().then_some(document);
     Ok(SetDocument { words, value: offset..offset + value.len(), document, raw: value.trim().to_owned() })
+}
+
+/// The bracket, brace or dot with which a text is nested too deep to be parsed: the parser descends once a level, and bounds
+/// that by a count that stray closing brackets put wrong (toml_parser 1.1.5), until the stack ends. Here a bracket closes
+/// nothing unless it matches the last open one, so that the parser is never deeper than this count.
+fn too_deep(text: &str) -> Option<Span> {
+    let (mut open, mut dots) = (Vec::new(), 0);
+    for token in toml_parser::Source::new(text).lex() {
+        match token.kind() {
+            kind @ (TokenKind::LeftSquareBracket | TokenKind::LeftCurlyBracket) => open.push(kind),
+            TokenKind::RightSquareBracket => drop(open.pop_if(|top| *top == TokenKind::LeftSquareBracket)),
+            TokenKind::RightCurlyBracket => drop(open.pop_if(|top| *top == TokenKind::LeftCurlyBracket)),
+            TokenKind::Dot => dots += 1,
+            TokenKind::Newline | TokenKind::Equals | TokenKind::Comma => dots = 0,
+            _ => {}
+        }
+        if open.len() > DEEPEST || dots >= DEEPEST {
+            return Some(token.span().start()..token.span().end());
+        }
+    }
+    None
 }
 
 /// The value of a document that holds the key `v` only and can be read as it is.
@@ -231,6 +272,17 @@ pub(crate) fn brief(text: &str) -> String {
         short.push_str("...");
     }
     short
+}
+
+/// A path on one line, its end if it is very long.
+pub(crate) fn shown(path: &Path) -> String {
+    const LONGEST: usize = 300;
+    let printable = |c: char| if c.is_control() { ' ' } else { c };
+    let text: Vec<char> = path.to_string_lossy().chars().map(printable).collect();
+    match text.len() {
+        0..=LONGEST => text.into_iter().collect(),
+        length => "...".chars().chain(text.into_iter().skip(length - LONGEST)).collect(),
+    }
 }
 
 #[cfg(test)]

@@ -1,12 +1,15 @@
 //! The CSV file of the initial state: columns found by the names in its first line, one row per particle.
 
+use std::fs::File;
+use std::io::Read;
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 
 use csv::StringRecord;
 
 use super::{NO_ROTATION, Start};
 use crate::error::Error;
-use crate::scene::{Scene, brief};
+use crate::scene::{Scene, brief, shown};
 
 /// Rows that one run may read.
 const MOST_ROWS: usize = 1_000_000_000;
@@ -28,11 +31,11 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<Start, Error> {
         return Err(Error::Input("particles.file is missing: there is no CSV file to read".to_owned()));
     };
     let path = scene_folder.join(file);
-    let name = path.display().to_string();
-    let bytes = std::fs::read(&path).map_err(|why| {
+    let name = shown(&path);
+    let bytes = read_bytes(&path).map_err(|why| {
         Error::Input(format!(
-            "{name}: cannot read the file that particles.file names: {why}: a relative path starts at the folder \
-             of the scene"
+            "{name}: cannot read the file that particles.file names: {why}: it must be a CSV file, and a relative path \
+             starts at the folder of the scene"
         ))
     })?;
     let text = String::from_utf8(bytes).map_err(|mistake| {
@@ -45,6 +48,18 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<Start, Error> {
     // A byte order mark, as some spreadsheets write it.
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     Table { name: &name, text, rotates: scene.rotates() }.read()
+}
+
+/// The content of a file or a pipe. A device may have no end.
+pub(crate) fn read_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = File::open(path)?;
+    let kind = file.metadata()?.file_type();
+    if kind.is_char_device() || kind.is_block_device() {
+        return Err(std::io::Error::other("it is a device"));
+    }
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// A CSV text and what is needed to talk about it.
@@ -77,11 +92,15 @@ impl Table<'_> {
                 continue;
             }
             if row.len() != header.len() {
+                let hint = match row.len() > header.len() {
+                    true => ": commas separate fields, decimals follow a point",
+                    false => ": every row needs all of them",
+                };
                 let message = format!(
-                    "the row has {} fields, but the first line names {} columns ({})",
+                    "the row has {} fields, but the first line names {} columns ({}){hint}",
                     row.len(),
                     header.len(),
-                    header.join(",")
+                    brief(&header.join(","))
                 );
                 return Err(self.wrong(&row, &message));
             }
@@ -96,7 +115,7 @@ impl Table<'_> {
         }
         if start.x.is_empty() {
             return Err(Error::Input(format!(
-                "{}: no particles: there is no row below the first line, which names the columns",
+                "{}: no particles: there must be a row for each below the first line, which names the columns",
                 self.name
             )));
         }
@@ -115,7 +134,10 @@ impl Table<'_> {
             let mut named = header.iter().enumerate().filter(|(_, other)| *other == name);
             *column = named.next().map(|(number, _)| number);
             if named.next().is_some() {
-                let message = format!("column {name} is named twice: {}", header.join(","));
+                let message = format!(
+                    "column {name} is named twice; the first line is {}: each name may stand there once",
+                    brief(&header.join(","))
+                );
                 return Err(Error::Input(format!("{}:{line}: {message}", self.name)));
             }
         }
@@ -142,14 +164,14 @@ impl Table<'_> {
         let hint = if first.contains([';', '\t']) {
             "; fields must be separated by commas"
         } else if header.iter().all(|name| name.parse::<f64>().is_ok()) {
-            "; it must name the columns, numbers start below it"
+            "; numbers start below it"
         } else if header.iter().any(|name| ["X", "Y", "Z"].contains(&name.as_str())) {
             "; names are in lower case"
         } else {
             ""
         };
         let message = format!(
-            "columns x, y and z are missing: they are the centre in m; the first line is {}{hint}",
+            "columns x, y and z are missing: the first line must name them, they are the centre in m; it is {}{hint}",
             brief(&first)
         );
         Error::Input(format!("{}:{line}: {message}", self.name))

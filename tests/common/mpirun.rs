@@ -89,8 +89,13 @@ impl Job {
     }
 
     /// Fail points (`NAME=ACTIONS`) of one rank.
-    pub fn with_fault(mut self, rank: usize, points: &str) -> Self {
-        self.of_rank = Some((rank, "FAILPOINTS".into(), points.into()));
+    pub fn with_fault(self, rank: usize, points: &str) -> Self {
+        self.with_variable_of(rank, "FAILPOINTS", points)
+    }
+
+    /// A variable of one rank.
+    pub fn with_variable_of(mut self, rank: usize, name: &str, value: &str) -> Self {
+        self.of_rank = Some((rank, name.into(), value.into()));
         self
     }
 
@@ -192,6 +197,11 @@ impl Running {
     /// From now on the job has so much time to end.
     pub fn must_end_within(&mut self, seconds: u64) {
         self.deadline = Instant::now() + Duration::from_secs(seconds);
+    }
+
+    /// The process of a job without mpirun.
+    pub fn process(&self) -> u32 {
+        self.child.id()
     }
 
     /// The process of `rank`: the child of mpirun whose environment says so.

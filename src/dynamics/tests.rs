@@ -1,0 +1,168 @@
+//! The right-hand side does not depend on who owns what, and who owns what follows the work.
+
+use super::*;
+use crate::contact::{Coulomb, Dissipative, Elastic, Frictionless};
+use crate::container::Wall;
+use crate::domain::comm::team::team;
+use crate::domain::rows;
+use crate::domain::slabs::imbalance;
+use crate::particle::{Locked, Spinning};
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+
+type Body = Motion<Spinning>;
+
+/// Bits of the slopes by id, at the start and after a move, and the pairs that were evaluated.
+type Answer = (BTreeMap<u64, Vec<u64>>, u64);
+
+fn setting() -> Setting {
+    let walls = vec![
+        Wall::new(Vec3::repeat(-0.1), -Vec3::z()),
+        Wall::new(Vec3::new(1.4, 0.2, 0.0), Vec3::new(3.0, 0.1, 0.4)),
+    ];
+    Setting { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
+}
+
+/// Slopes from `bounds.len() + 1` ranks, whose slabs have these inner bounds.
+fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
+    let law = Law {
+        r: 0.1,
+        f_0: 10.0,
+        kappa: 150.0,
+        l_max: 0.1,
+        rebound: Dissipative::new(0.4, 10.0),
+        tangential: Coulomb::new(0.2, 0.01),
+    };
+    let ranks = bounds.len() + 1;
+    let found = Mutex::new((BTreeMap::<u64, Vec<u64>>::new(), 0));
+    team(ranks, |comm| {
+        let own = rows::block(bodies.len() as u64, comm.rank(), ranks);
+        let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
+        let mut dynamics = Dynamics::new(comm, law, setting(), 1.0, own.collect(), &mut y, &mut []).unwrap();
+        dynamics.slabs = Slabs::with_inner_bounds(bounds);
+        dynamics.relocate(0.0, &mut y, &mut []).unwrap();
+        let (low, high) = dynamics.slabs().of(comm.rank());
+        assert!(y.iter().all(|body| low <= body.x.z && body.x.z < high), "every rank has its slab");
+        dynamics.begin(&y);
+        // The second time ghosts have moved, by less than the skin, and near pairs are picked afresh.
+        for _ in 0..2 {
+            let mut slope = y.clone();
+            dynamics.rhs(0.0, &y, &mut slope);
+            let mut found = found.lock().unwrap();
+            for (id, slope) in dynamics.ids().iter().zip(&slope) {
+                let mut numbers = [0.0; 9];
+                slope.pack(&mut numbers);
+                found.0.entry(*id).or_default().extend(numbers.map(f64::to_bits));
+            }
+            for (id, body) in dynamics.ids().iter().zip(&mut y) {
+                body.x += Vec3::from_fn(|axis, _| 0.02 * ((7 * id + 3 * axis as u64) % 5) as f64 - 0.04);
+            }
+        }
+        found.lock().unwrap().1 += dynamics.own_pairs();
+    });
+    found.into_inner().unwrap()
+}
+
+/// Clouds of all shapes: flat ones, columns, spheres within each other, and far-away ones.
+fn cloud() -> impl Strategy<Value = Vec<Body>> {
+    let vector = |size: f64| vec(-size..size, 3).prop_map(|v| Vec3::new(v[0], v[1], v[2]));
+    let sizes = vec(prop_oneof![Just(0.0), Just(0.3), Just(1.2), Just(1e6)], 3);
+    let body = (vector(0.5), vector(1.0), vector(20.0));
+    (sizes, vec(body, 1..80)).prop_map(|(sizes, bodies)| {
+        let body = |(k, (x, v, omega)): (usize, (Vec3, Vec3, Vec3))| {
+            // No two centres in one point.
+            let shift = Vec3::repeat(1e-3 * k as f64);
+            Motion { x: Vec3::from_fn(|axis, _| sizes[axis] * x[axis]) + shift, v, omega: Spinning(omega) }
+        };
+        bodies.into_iter().enumerate().map(body).collect()
+    })
+}
+
+/// Where bounds are: anywhere, at the height of a particle, or beyond all.
+#[derive(Debug, Clone)]
+enum Bound {
+    At(f64),
+    Of(prop::sample::Index),
+}
+
+fn bounds() -> impl Strategy<Value = Vec<Bound>> {
+    let bound = prop_oneof![
+        (-0.7..0.7f64).prop_map(Bound::At),
+        any::<prop::sample::Index>().prop_map(Bound::Of),
+        prop_oneof![Just(f64::INFINITY), Just(f64::NEG_INFINITY), Just(1e300)].prop_map(Bound::At),
+    ];
+    vec(bound, 1..5)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_slab_bounds_give_the_same_bits(bodies in cloud(), bounds in bounds()) {
+        let mut inner: Vec<f64> = bounds
+            .iter()
+            .map(|bound| match bound {
+                Bound::At(z) => *z,
+                Bound::Of(index) => index.get(&bodies).x.z,
+            })
+            .collect();
+        inner.sort_by(f64::total_cmp);
+        let (alone, pairs) = slopes(&bodies, &[]);
+        prop_assert_eq!(alone.len(), bodies.len());
+        prop_assert!(slopes(&bodies, &inner) == (alone, pairs), "other bits with bounds {:?}", inner);
+    }
+}
+
+#[test]
+fn ranks_with_different_instruction_sets_all_use_the_narrowest() {
+    use InstructionSet::{Avx2, Avx512, Baseline};
+    for (sets, ends) in [
+        ([Avx512, Avx2, Avx512], [Avx2, Avx512]),
+        ([Baseline, Avx512, Avx2], [Baseline, Avx512]),
+        ([Avx2; 3], [Avx2; 2]),
+        ([Avx512; 3], [Avx512; 2]),
+        ([Baseline; 3], [Baseline; 2]),
+    ] {
+        team(3, |comm| assert_eq!(common_instructions(comm, sets[comm.rank()]), ends));
+    }
+}
+
+/// Place `k` in a lattice of width `d` (m), 10 across, slightly tilted so that no two heights are equal.
+fn place(k: usize, d: f64) -> Vec3 {
+    let [a, b, c] = [k % 10, k / 10 % 10, k / 100].map(|k| k as f64);
+    Vec3::new(d * a, d * b, d * c + 1e-4 * (10.0 * b + a))
+}
+
+#[test]
+fn slabs_share_out_near_pairs_and_not_particles() {
+    // 500 spheres that touch, and above them 500 far apart.
+    let x: Vec<Vec3> = (0..1000).map(|k| place(k, if k < 500 { 0.19 } else { 0.6 })).collect();
+    let law = Law { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound: Elastic, tangential: Frictionless };
+    // Near pairs are those within the cut-off and a tenth of the radius; alone a particle counts 4.
+    let at = |i: u64| x[i as usize];
+    let work = |i: u64| 3 + x.iter().filter(|other| (at(i) - *other).norm() <= 0.31).count() as u64;
+    for ranks in 2..=3 {
+        team(ranks, |comm| {
+            let ids: Vec<u64> = (0..1000).filter(|id| *id as usize % ranks == comm.rank()).collect();
+            let body = |&id: &u64| Motion { x: x[id as usize], v: Vec3::zeros(), omega: Locked };
+            let mut y = ids.iter().map(body).collect();
+            let setting =
+                Setting { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
+            let mut dynamics = Dynamics::new(comm, law, setting, 1.0, ids, &mut y, &mut []).unwrap();
+            // The first lists were not known when the first bounds were set.
+            dynamics.rebuild(&mut Anchor::new(0.0, y)).unwrap();
+            let expected: Vec<u64> = dynamics.ids().iter().map(|&id| work(id)).collect();
+            assert_eq!(dynamics.forces.loads(), expected);
+            let (mut loads, mut counts) = (vec![0; ranks], vec![0; ranks]);
+            loads[comm.rank()] = expected.iter().sum();
+            counts[comm.rank()] = expected.len() as u64;
+            comm.sum(&mut loads);
+            comm.sum(&mut counts);
+            assert!(imbalance(&loads) < 1.1, "{loads:?}");
+            assert!(imbalance(&counts) > 1.3, "{counts:?}");
+        });
+    }
+}
