@@ -1,6 +1,7 @@
 //! Measures of a packed bed: the paper's own count here, exact ones in [`bed`].
 
 pub mod bed;
+pub mod region;
 
 use crate::particle::Vec3;
 

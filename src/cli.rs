@@ -1,6 +1,7 @@
 //! The command line: a scene to run, or a command about a scene.
 
 mod accuracy;
+mod export;
 
 use std::path::PathBuf;
 
@@ -9,6 +10,7 @@ use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
 pub use accuracy::AccuracyArgs;
+pub use export::{ExportArgs, Format, Phase};
 
 /// Simulate spheres that fall, collide, rub, roll and settle.
 ///
@@ -42,6 +44,8 @@ enum Command {
 /// What needs neither MPI nor a simulation.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 pub enum Tool {
+    /// Write frames of a run for other programs
+    Export(Box<ExportArgs>),
     /// Write a scene with comments to start from
     Init {
         /// Scene file to write
@@ -137,6 +141,7 @@ Examples:
   mpirun -n 2 demhybrid --resume settle.vtkhdf
   demhybrid accuracy configs/quick.toml
   demhybrid init my.toml
+  demhybrid export settle.vtkhdf --to csv -o bed.csv
 
 A scene whose file has the name of a command, like accuracy, is run by demhybrid ./accuracy.
 

@@ -1,5 +1,6 @@
 //! Commands that need neither MPI nor a simulation: they look at what a run has written, or tell about the program.
 
+pub mod export;
 pub mod init;
 
 use crate::cli::{CommandLine, Tool};
@@ -23,6 +24,7 @@ pub fn alone(tool: &Tool) -> i32 {
 
 fn run(tool: &Tool) -> Result<(), Error> {
     match tool {
+        Tool::Export(args) => export::write(args),
         Tool::Init { scene, force } => init::write(scene, *force),
         Tool::Schema => {
             launch::print(&scene::schema());

@@ -1,0 +1,142 @@
+#!/usr/bin/env python3
+"""Reads what `demhybrid export` wrote with the programs that it is for, and compares with the run itself (h5py).
+
+    python3 read_exports.py RUN FRAME vtp FILE | stl FILE SUBDIVISIONS | raw FILE | ovito FILE | lammps FILE PROGRAM
+
+Prints one line and leaves with 0, or says what is wrong and leaves with 1.
+"""
+
+import json
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+
+
+def check(claim, otherwise):
+    if not claim:
+        sys.exit(f"{path}: {otherwise}")
+
+
+def rows(name):
+    """The rows of the frame."""
+    return root[name][frame * count : (frame + 1) * count]
+
+
+def polydata(reader):
+    reader.SetFileName(path)
+    reader.Update()
+    check(reader.GetErrorCode() == 0, f"VTK error {reader.GetErrorCode()}")
+    return reader.GetOutput()
+
+
+def vtp():
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+    data = polydata(vtkXMLPolyDataReader())
+    check(data.GetNumberOfPoints() == count, f"{data.GetNumberOfPoints()} points")
+    check(data.GetNumberOfVerts() == count, f"{data.GetNumberOfVerts()} vertices")
+    check(np.array_equal(vtk_to_numpy(data.GetPoints().GetData()), x), "other positions")
+    arrays = data.GetPointData()
+    names = {arrays.GetArrayName(k) for k in range(arrays.GetNumberOfArrays())}
+    check(names == set(root["PointData"]), f"arrays {names}")
+    for name in names:
+        expected = root[f"PointData/{name}"][:count] if name in ("id", "radius") else rows(f"PointData/{name}")
+        found = vtk_to_numpy(arrays.GetArray(name))
+        check(found.dtype == expected.dtype and np.array_equal(found, expected), f"other values of {name}")
+    check(data.GetFieldData().GetArray("TimeValue").GetValue(0) == time, "another time")
+
+
+def stl():
+    from vtkmodules.vtkFiltersCore import vtkMassProperties
+    from vtkmodules.vtkIOGeometry import vtkSTLReader
+
+    triangles = 20 * 4 ** int(sys.argv[5])
+    data = polydata(vtkSTLReader())
+    check(data.GetNumberOfCells() == count * triangles, f"{data.GetNumberOfCells()} triangles")
+    ends = np.array(data.GetBounds()).reshape(3, 2)
+    # Corners of an icosphere lie on the sphere, but not at its ends.
+    check(np.all(ends[:, 0] >= (x - r).min(axis=0) - 1e-6), f"bounds {ends}")
+    check(np.all(np.abs(ends[:, 1] - (x + r).max(axis=0)) < 0.1 * r), f"bounds {ends}")
+    mass = vtkMassProperties()
+    mass.SetInputData(data)
+    mass.Update()
+    share = mass.GetVolume() / (count * 4 / 3 * np.pi * r**3)
+    check(0.95 < share < 1.0, f"{share} of the spheres' volume")
+
+
+def raw():
+    with open(path + ".json", encoding="utf8") as text:
+        header = json.load(text)
+    nx, ny, nz = header["shape"]
+    image = np.fromfile(path, dtype=header["type"]).reshape(nz, ny, nx)
+    check(set(np.unique(image)) <= {0, 1}, "not only 0 and 1")
+    centres = [header["origin"][k] + (np.arange(n) + 0.5) * header["spacing"][k] for k, n in enumerate((nx, ny, nz))]
+    solid = np.zeros(image.shape, dtype=bool)
+    for a, b, c in x:
+        apart = [(centres[k] - at) ** 2 for k, at in enumerate((a, b, c))]
+        solid |= apart[2][:, None, None] + apart[1][None, :, None] + apart[0][None, None, :] <= r * r
+    expected = solid if header["one"] == "solid" else ~solid
+    wrong = np.count_nonzero(image != expected)
+    # Centres on a surface may fall to either side by rounding.
+    check(wrong <= 2, f"{wrong} voxels of {image.size} are wrong")
+    check(header["share_of_ones"] == image.sum() / image.size, "another share of ones")
+    check(header["time"] == time and header["frame"] == frame, "another time")
+
+
+def ovito():
+    from ovito.io import import_file
+
+    pipeline = import_file(path)
+    check(pipeline.num_frames == frames, f"{pipeline.num_frames} frames")
+    data = pipeline.compute(frame)
+    found = data.particles
+    check(found.count == count, f"{found.count} particles")
+    check(np.allclose(found.positions, x, rtol=0, atol=1e-12), "other positions")
+    check(np.array_equal(found["Particle Identifier"], np.arange(count)), "other ids")
+    check(np.allclose(found["Radius"], r, rtol=1e-6), "other radii")
+    check(np.allclose(found["Velocity"], rows("PointData/velocity"), rtol=0, atol=1e-12), "other velocities")
+    check(data.attributes["Time"] == time, f"attributes {dict(data.attributes)}")
+    check(not any(data.cell.pbc), "a periodic cell")
+
+
+def lammps():
+    dump = path + ".dump"
+    commands = f"""units si
+atom_style sphere
+boundary f f f
+comm_modify vel yes
+read_data {path}
+pair_style zero {4 * r}
+pair_coeff * *
+dump 1 all custom 1 {dump} id x y z vx vy vz omegax omegay omegaz diameter mass
+dump_modify 1 sort id format float %.17g
+run 0
+"""
+    with open(path + ".in", "w", encoding="utf8") as text:
+        text.write(commands)
+    said = subprocess.run([sys.argv[5], "-in", path + ".in", "-log", "none"], capture_output=True, text=True)
+    check(said.returncode == 0, f"LAMMPS says\n{said.stdout}\n{said.stderr}")
+    found = np.loadtxt(dump, skiprows=9)
+    check(found.shape == (count, 12), f"shape {found.shape}")
+    check(np.array_equal(found[:, 0], np.arange(1, count + 1)), "other ids")
+    check(np.array_equal(found[:, 1:4], x), "other positions")
+    check(np.array_equal(found[:, 4:7], rows("PointData/velocity")), "other velocities")
+    if "angular_velocity" in root["PointData"]:
+        check(np.array_equal(found[:, 7:10], rows("PointData/angular_velocity")), "other spins")
+    check(np.allclose(found[:, 10], 2 * r) and np.allclose(found[:, 11], file["run"].attrs["mass"]), "other spheres")
+
+
+run, frame, kind, path = sys.argv[1], int(sys.argv[2]), sys.argv[3], sys.argv[4]
+file = h5py.File(run)
+root = file["VTKHDF"]
+frames = int(root["Steps"].attrs["NSteps"])
+frame = frames - 1 if frame < 0 else frame
+count = root["PointData/id"].shape[0]
+time = root["Steps/Values"][frame]
+r = root["PointData/radius"][0]
+x = rows("Points")
+{"vtp": vtp, "stl": stl, "raw": raw, "ovito": ovito, "lammps": lammps}[kind]()
+print(f"{path}: {kind} agrees with frame {frame} of {run}")
