@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The long checks: the paper's beds with their volume fractions and step counts, the user time of both on one core,
-# 20 000 particles on 2 ranks, and ten minutes of fuzzing. Takes 25 to 35 minutes on 2 cores; prints the figures, fails
+# 20 000 particles on 2 ranks, exports in LAMMPS and OVITO, and ten minutes of fuzzing. Takes 25 to 35 minutes on 2 cores; prints the figures, fails
 # where one is out of its bounds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -14,6 +14,16 @@ cargo test --locked --features long-tests --test restart -- --nocapture --test-t
 
 echo "== packing: step counts, volume fractions, walls"
 cargo test --locked --features long-tests --test packing -- --nocapture --test-threads=1
+
+echo "== exports in LAMMPS and OVITO"
+command -v lmp >/dev/null || $(test "$(id -u)" = 0 || echo sudo) apt-get install -y -qq --no-install-recommends lammps
+if ! target/ovito/bin/python -c 'import h5py, ovito' 2>/dev/null; then
+    rm -rf target/ovito
+    python3 -m venv target/ovito
+    target/ovito/bin/pip install -q --disable-pip-version-check h5py numpy ovito
+fi
+LAMMPS="$(command -v lmp)" OVITO_PYTHON="$PWD/target/ovito/bin/python" \
+    cargo test --locked --features long-tests --test exports lammps_and_ovito
 
 echo "== fuzzing of scenes and particle files: four campaigns, with seeds that a plain test does not have"
 FUZZ_SECONDS="${FUZZ_SECONDS:-150}" FUZZ_SEED="${FUZZ_SEED:-1000}" \

@@ -45,6 +45,8 @@ enum Command {
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 pub enum Tool {
     /// Write frames of a run for other programs
+    ///
+    /// Reads the output file of a run, finished, stopped or killed, and writes one frame or all of them.
     Export(Box<ExportArgs>),
     /// Write a scene with comments to start from
     Init {

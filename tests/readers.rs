@@ -6,39 +6,20 @@
 
 #[path = "common/mpirun.rs"]
 mod mpirun;
+#[path = "common/python.rs"]
+mod python;
 
 use mpirun::{Job, PACKAGE, Results, kill};
+use python::{python, run_python};
 use std::fs;
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
 use tempfile::TempDir;
-
-/// The Python with h5py and vtk, if there is one. One that is named must work.
-fn python() -> Option<PathBuf> {
-    if let Some(named) = std::env::var_os("DEMHYBRID_PYTHON") {
-        return Some(named.into());
-    }
-    let local = Path::new(PACKAGE).join(".venv/bin/python");
-    if local.is_file() {
-        return Some(local);
-    }
-    // Not println: the test runner would hide it.
-    let _ = writeln!(
-        std::io::stderr(),
-        "tests/readers.rs: NOTHING WAS READ: DEMHYBRID_PYTHON is not set and there is no .venv; launch/test.sh makes it"
-    );
-    None
-}
 
 /// Reads `file` with `python`; it must find what `expected` says.
 #[track_caller]
 fn read(python: &Path, file: &Path, expected: &[&str]) -> String {
-    let script = Path::new(PACKAGE).join("tests/read_frames.py");
-    let read = Command::new(python).arg(script).arg(file).args(expected).output();
-    let read = read.unwrap_or_else(|why| panic!("{} does not start: {why}", python.display()));
-    let [out, err] = [read.stdout, read.stderr].map(|text| String::from_utf8_lossy(&text).into_owned());
-    assert!(read.status.success(), "{expected:?}\n{out}\n{err}");
+    let file = file.to_str().expect("paths of tests are text");
+    let out = run_python(python, "read_frames.py", Path::new(PACKAGE), &[&[file], expected].concat());
     assert!(out.contains("h5py and VTK agree"), "{out}");
     out
 }

@@ -6,9 +6,7 @@ use clap::ValueEnum;
 
 use crate::record::Which;
 
-/// Write frames of a run for other programs
-///
-/// Reads the output file of a run, finished, stopped or killed, and writes one frame or all of them.
+/// Which frames of which run to write, and how.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct ExportArgs {
