@@ -1,7 +1,9 @@
 //! Measures of a packed bed: the paper's own count here, exact ones in [`bed`].
 
 pub mod bed;
+pub mod flat;
 pub mod region;
+pub mod union;
 
 use crate::particle::Vec3;
 
