@@ -1,8 +1,10 @@
 //! Measures of a packed bed: the paper's own count here, exact ones in [`bed`].
 
 pub mod bed;
+pub mod contacts;
 pub mod flat;
 pub mod region;
+pub mod structure;
 pub mod union;
 
 use crate::particle::Vec3;
