@@ -21,4 +21,4 @@ mod state;
 pub mod sweep;
 #[cfg(test)]
 mod testing;
-mod text;
+pub(crate) mod text;

@@ -1,6 +1,7 @@
 //! The command line: a scene to run, or a command about a scene.
 
 mod accuracy;
+mod analyze;
 mod export;
 
 use std::path::PathBuf;
@@ -10,6 +11,7 @@ use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
 pub use accuracy::AccuracyArgs;
+pub use analyze::AnalyzeArgs;
 pub use export::{ExportArgs, Format, Phase};
 
 /// Simulate spheres that fall, collide, rub, roll and settle.
@@ -44,6 +46,8 @@ enum Command {
 /// What needs neither MPI nor a simulation.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 pub enum Tool {
+    /// Measure a bed: volume fraction, contacts, structure, and how the run went; tables, figures and a report
+    Analyze(Box<AnalyzeArgs>),
     /// Write frames of a run for other programs
     ///
     /// Reads the output file of a run, finished, stopped or killed, and writes one frame or all of them.
@@ -143,6 +147,7 @@ Examples:
   mpirun -n 2 demhybrid --resume settle.vtkhdf
   demhybrid accuracy configs/quick.toml
   demhybrid init my.toml
+  demhybrid analyze settle.vtkhdf
   demhybrid export settle.vtkhdf --to csv -o bed.csv
 
 A scene whose file has the name of a command, like accuracy, is run by demhybrid ./accuracy.

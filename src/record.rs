@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use hdf5::types::{TypeDescriptor, VarLenUnicode};
+
 use crate::error::Error;
 use crate::output::{self, Found};
 use crate::scene::Scene;
@@ -121,6 +123,25 @@ impl Record {
     /// A column of `/run/series` that holds counts, a row for every complete frame.
     pub fn counts(&self, name: &str) -> Result<Vec<i64>, Error> {
         self.column(name)
+    }
+
+    /// What `/run` records beside the scene, by name: texts, counts, and reals in SI units.
+    pub fn facts(&self) -> Result<Vec<(String, String)>, Error> {
+        let read = || -> hdf5::Result<Vec<(String, String)>> {
+            let run = self.file.group("run")?;
+            let mut facts = Vec::new();
+            for name in run.attr_names()?.into_iter().filter(|name| name != "scene") {
+                let attribute = run.attr(&name)?;
+                let value = match attribute.dtype()?.to_descriptor()? {
+                    TypeDescriptor::Integer(_) => attribute.read_scalar::<i64>()?.to_string(),
+                    TypeDescriptor::Float(_) => attribute.read_scalar::<f64>()?.to_string(),
+                    _ => attribute.read_scalar::<VarLenUnicode>()?.to_string(),
+                };
+                facts.push((name, value));
+            }
+            Ok(facts)
+        };
+        read().map_err(|why| self.unreadable(&format!("what /run records cannot be read: {why}")))
     }
 
     fn column<T: hdf5::types::H5Type>(&self, name: &str) -> Result<Vec<T>, Error> {

@@ -1,5 +1,6 @@
 //! Commands that need neither MPI nor a simulation: they look at what a run has written, or tell about the program.
 
+pub mod analyze;
 pub mod export;
 pub mod init;
 
@@ -24,6 +25,7 @@ pub fn alone(tool: &Tool) -> i32 {
 
 fn run(tool: &Tool) -> Result<(), Error> {
     match tool {
+        Tool::Analyze(args) => analyze::run(args),
         Tool::Export(args) => export::write(args),
         Tool::Init { scene, force } => init::write(scene, *force),
         Tool::Schema => {

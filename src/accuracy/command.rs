@@ -55,7 +55,7 @@ fn scene_name(scene: &Path) -> String {
 }
 
 /// Makes the folder, or says why it cannot be used.
-fn prepare(folder: &Path, force: bool) -> Result<(), Error> {
+pub(crate) fn prepare(folder: &Path, force: bool) -> Result<(), Error> {
     let refuse = |why: String| Error::Input(format!("--output {}: {why}", folder.display()));
     if folder.exists() && !folder.is_dir() {
         return Err(refuse("this is a file; it must be the name of a folder".into()));

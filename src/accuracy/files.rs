@@ -91,7 +91,7 @@ pub fn write_json(path: &Path, report: &Report) -> Result<(), Error> {
 }
 
 /// The error for a file of the comparison that cannot be written.
-pub(super) fn cannot_write(path: &Path, why: impl Display) -> Error {
+pub(crate) fn cannot_write(path: &Path, why: impl Display) -> Error {
     Error::Output { file: path.display().to_string(), why: why.to_string() }
 }
 
