@@ -1,13 +1,12 @@
 //! Who touches whom: coordination, rattlers, overlaps and forces of the contacts of a bed.
 
-use super::union::pairs_within;
+use super::union::for_each_pair;
+use crate::contact::Rebound;
 use crate::container;
 use crate::effects;
 use crate::particle::Vec3;
 use crate::record::State;
 use crate::scene::Scene;
-
-use crate::contact::Rebound;
 
 /// What a sphere touches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -44,8 +43,8 @@ pub fn contacts(scene: &Scene, state: &State) -> Vec<Contact> {
         overlap: -gap,
         force: law.repulsion(gap) * law.rebound.share(-opening),
     };
-    let mut pairs = pairs_within(&x, 2.0 * r);
-    pairs.iter_mut().for_each(|pair| pair.sort_unstable());
+    let mut pairs = Vec::new();
+    for_each_pair(&x, 2.0 * r, |[i, j]| pairs.push([i.min(j), i.max(j)]));
     pairs.sort_unstable();
     let mut found: Vec<Contact> = pairs
         .into_iter()

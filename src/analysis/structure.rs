@@ -1,6 +1,6 @@
 //! Functions of distance: the radial distribution, and the porosity over height and over the distance to the walls.
 
-use super::union::{Region, Spheres, pairs_within};
+use super::union::{Region, Spheres, for_each_pair};
 use crate::particle::Vec3;
 use crate::scene::Scene;
 use rayon::prelude::*;
@@ -22,21 +22,23 @@ pub fn radial_distribution(x: &[Vec3], r: f64, (low, high): (Vec3, Vec3)) -> Vec
         x.iter().filter(|x| (0..3).all(|k| (low[k]..=high[k]).contains(&x[k]))).copied().collect();
     let sides = high - low;
     let width = r / BINS_PER_RADIUS;
-    // The correction is sound up to half the shortest side; beyond some radii nothing is to be seen.
-    let reach = (0.5 * sides.min()).min(10.0 * r);
+    // The correction is sound up to half the shortest side. Beyond five diameters nothing is to be seen, and a million
+    // spheres have too many pairs up to there.
+    let most = if inside.len() > 100_000 { 6.0 * r } else { 10.0 * r };
+    let reach = (0.5 * sides.min()).min(most);
     let bins = (reach / width).floor().max(0.0) as usize;
     if inside.len() < 2 || bins == 0 {
         return Vec::new();
     }
     let mut sums = vec![0.0; bins];
-    for [i, j] in pairs_within(&inside, reach) {
+    for_each_pair(&inside, reach, |[i, j]| {
         let apart = inside[i] - inside[j];
         let bin = (apart.norm() / width) as usize;
         if bin < bins {
             let room: f64 = (0..3).map(|k| sides[k] - apart[k].abs()).product();
             sums[bin] += 2.0 / room;
         }
-    }
+    });
     // Independent centres have this density squared.
     let volume: f64 = sides.iter().product();
     let n = inside.len() as f64;

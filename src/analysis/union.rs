@@ -138,7 +138,7 @@ impl<'a> Spheres<'a> {
     pub fn new(x: &'a [Vec3], r: f64) -> Self {
         let mut cuts = vec![Vec::new(); x.len()];
         let mut hidden = vec![false; x.len()];
-        for [i, j] in pairs_within(x, 2.0 * r) {
+        for_each_pair(x, 2.0 * r, |[i, j]| {
             let apart = x[j] - x[i];
             let d = apart.norm();
             if d > 0.0 {
@@ -148,7 +148,8 @@ impl<'a> Spheres<'a> {
             } else {
                 hidden[i.max(j)] = true;
             }
-        }
+        });
+        x.par_iter().zip(&mut cuts).for_each(|(x, cuts)| drop_idle(x, r, cuts));
         Spheres { x, r, cuts, hidden }
     }
 
@@ -195,12 +196,45 @@ impl<'a> Spheres<'a> {
     }
 }
 
-/// Pairs with centres within `reach` (m) of each other, by ascending numbers.
-pub fn pairs_within(x: &[Vec3], reach: f64) -> Vec<[usize; 2]> {
+/// Drops the half-spaces around a ball at `x` (m), which all hold its centre, whose planes the others have cut off
+/// altogether: there are many of them where many spheres overlap.
+fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
+    let local = |half: &Half| half.b - half.n.dot(x);
+    halves.sort_by(|a, b| local(a).total_cmp(&local(b)));
+    let mut flat = Flat::default();
+    let mut idle = |half: &Half, others: &mut dyn Iterator<Item = &Half>| {
+        let (n, b) = (half.n, local(half));
+        let u = if n.x.abs() < 0.6 { n.cross(&Vec3::x()) } else { n.cross(&Vec3::y()) }.normalize();
+        let v = n.cross(&u);
+        flat.clear();
+        flat.within([0.0; 2], (r * r - b * b).max(0.0).sqrt());
+        for other in others {
+            flat.below([other.n.dot(&u), other.n.dot(&v)], local(other) - b * other.n.dot(&n));
+        }
+        flat.area() <= 1e-13 * r * r
+    };
+    // The nearest planes cut off most of the others; then those that lost their place to a later one.
+    let mut kept: Vec<Half> = Vec::new();
+    for half in halves.iter() {
+        if !idle(half, &mut kept.iter()) {
+            kept.push(*half);
+        }
+    }
+    for k in (0..kept.len()).rev() {
+        let (before, after) = kept.split_at(k);
+        if idle(&after[0], &mut before.iter().chain(&after[1..])) {
+            kept.remove(k);
+        }
+    }
+    *halves = kept;
+}
+
+/// Calls `visit` for every pair with centres within `reach` (m) of each other, in an order that depends on `x` alone.
+pub fn for_each_pair(x: &[Vec3], reach: f64, visit: impl FnMut([usize; 2])) {
     let keys: Vec<Key> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();
     lists.rebuild(x, &keys, x.len(), reach, (&[], reach), 1);
-    lists.blocks.iter().flat_map(|block| block.first_pairs()).collect()
+    lists.blocks.iter().flat_map(|block| block.first_pairs()).for_each(visit);
 }
 
 /// What half-spaces, and perhaps an upright cylinder, leave of a ball around the origin.
@@ -240,8 +274,8 @@ impl Ball {
             });
             return (4.0 / 3.0 * PI * r.powi(3) - caps.sum::<f64>()).max(0.0);
         }
-        let heights = self.heights();
         let mut flat = Flat::default();
+        let heights = self.heights();
         heights
             .windows(2)
             .map(|ends| {

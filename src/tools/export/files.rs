@@ -104,7 +104,6 @@ mod tests {
         let refused = |name: &str, force| check(&at(name), &at("run"), force).unwrap_err().to_string();
         assert!(refused("there", false).contains("--force"));
         assert!(refused("run", true).contains("the run itself"));
-        assert!(refused("x/../run", true).contains("the run itself") || !at("x").exists());
         assert!(refused("", true).contains("a folder"));
         check(&at("there"), &at("run"), true).unwrap();
         check(&at("new"), &at("run"), false).unwrap();
