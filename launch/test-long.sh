@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The long checks: the paper's beds with their volume fractions and step counts, the user time of both on one core,
-# 20 000 particles on 2 ranks, exports in LAMMPS and OVITO, and ten minutes of fuzzing. Takes 25 to 35 minutes on 2 cores; prints the figures, fails
-# where one is out of its bounds.
+# 20 000 particles on 2 ranks, exports in LAMMPS and OVITO, and ten minutes of fuzzing. Takes 25 to 35 minutes on 2
+# cores; prints the figures, fails where one is out of its bounds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 configs="$PWD/configs"
@@ -16,7 +16,12 @@ echo "== packing: step counts, volume fractions, walls"
 cargo test --locked --features long-tests --test packing -- --nocapture --test-threads=1
 
 echo "== exports in LAMMPS and OVITO"
-command -v lmp >/dev/null || $(test "$(id -u)" = 0 || echo sudo) apt-get install -y -qq --no-install-recommends lammps
+if ! command -v lmp >/dev/null; then
+    root=()
+    [ "$(id -u)" = 0 ] || root=(sudo)
+    "${root[@]}" apt-get update -q
+    "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends lammps
+fi
 if ! target/ovito/bin/python -c 'import h5py, ovito' 2>/dev/null; then
     rm -rf target/ovito
     python3 -m venv target/ovito
