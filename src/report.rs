@@ -287,6 +287,9 @@ pub fn summary(
         format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"),
     );
     line("step sizes", step_sizes(&limits));
+    if let Some(by) = outcome.at_rest_by {
+        line("at rest", format!("by {by} for {} s", scene.stop.as_ref().map_or(0.0, |stop| stop.window)));
+    }
     line("method", format!("{}; {}", outcome.choice, step_control(scene)));
     line("right-hand sides", format!("{rhs}"));
     line(

@@ -194,7 +194,8 @@ impl Task for Execution<'_> {
             }
             (None, Some(measures)) => {
                 let seconds = seconds(&outcome.clocks, outcome.output_seconds);
-                output.finish(&Measures { wall_seconds, seconds, ..measures }, &outcome.choice)?;
+                let by = outcome.at_rest_by;
+                output.finish(&Measures { wall_seconds, seconds, ..measures }, &outcome.choice, by)?;
             }
             (None, None) => {}
         }
