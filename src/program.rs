@@ -9,7 +9,7 @@ use crate::kernel::InstructionSet;
 use crate::launch;
 use crate::output::{self, Measures, Output, Quantity, Rows, RunInfo, Seconds};
 use crate::particle::{Motion, Spin};
-use crate::report::{self, Course, Progress};
+use crate::report::{self, Course, Progress, Watch};
 use crate::scene::Scene;
 use crate::simulation::{self, Frame, Observer, Simulation, Task};
 use crate::start::{self, Start};
@@ -27,10 +27,9 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     share(comm, || spare_the_input(args, &scene, &file))?;
     let room = report::output_bytes(&scene, start.x.len() as u64);
     let place = Output::check_place(comm, &file, args.force, room);
-    let cut = report::cut_force_warning(&scene);
     if comm.rank() == 0 {
-        let doubles = report::double_wall_warnings(&scene);
-        bound.iter().chain(&cut).chain(&doubles).for_each(|warning| launch::say(warning));
+        let forewarnings = report::forewarnings(&scene, &start);
+        bound.iter().chain(&forewarnings).for_each(|warning| launch::say(warning));
     }
     if args.dry_run {
         let output = match &place {
@@ -220,13 +219,15 @@ impl Task for Run<'_> {
         let output = Output::create(comm, place, &info, count, scene.particles.radius, rotation, block)?;
         let progress = Progress::new(comm.rank(), scene.t_end, args.quiet, args.verbose);
         let course = Course { count, ..Course::default() };
-        let mut recorder = Recorder { output, scene, progress, started, measures: None, course, frames: 0 };
+        let watch = Watch::new(scene, start);
+        let mut recorder =
+            Recorder { output, scene, progress, started, measures: None, course, watch, frames: 0 };
         let outcome = simulation.run(&mut recorder);
         recorder.progress.close();
         let outcome = outcome?;
         let file = scene.output.file.clone().unwrap_or_else(|| PathBuf::from(place));
         let transfer = recorder.output.transfer_report().to_string();
-        let Recorder { output, measures, course, frames, .. } = recorder;
+        let Recorder { output, measures, course, watch, frames, .. } = recorder;
         if let Some(measures) = measures {
             let seconds = seconds(&outcome.clocks, outcome.output_seconds);
             let wall_seconds = started.elapsed().as_secs_f64();
@@ -234,9 +235,10 @@ impl Task for Run<'_> {
         }
         let written = format!("{}: {frames} frames, {transfer}", file.display());
         let text = report::summary(comm, &args.scene, scene, &outcome, &course, threads, &written);
+        let doubts = report::doubts(comm, scene, start, &outcome, &course, &watch);
         if comm.rank() == 0 {
             launch::print(&text);
-            report::doubts(scene, &outcome, &course).iter().for_each(|doubt| launch::say(doubt));
+            doubts.iter().for_each(|doubt| launch::say(doubt));
         }
         Ok(())
     }
@@ -250,6 +252,7 @@ struct Recorder<'a> {
     started: Instant,
     measures: Option<Measures>,
     course: Course,
+    watch: Watch,
     frames: u64,
 }
 
@@ -301,6 +304,7 @@ impl<W: Spin> Observer<W> for Recorder<'_> {
         self.measures = Some(measures);
         self.frames += 1;
         self.course.follow(frame);
+        self.watch.follow(frame);
         self.progress.frame(frame);
         Ok(())
     }
