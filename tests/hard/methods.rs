@@ -1,0 +1,38 @@
+//! Every hard case with every method, on one rank.
+
+use crate::judge::all_are_right;
+use crate::scene::{METHODS, cases};
+use demhybrid::domain::Solo;
+
+#[test]
+fn hard_cases_end_as_they_should_with_the_default_method() {
+    all_are_right(&cases(), "auto", &Solo);
+}
+
+#[test]
+fn hard_cases_end_as_they_should_with_merson() {
+    all_are_right(&cases(), "merson", &Solo);
+}
+
+#[test]
+fn hard_cases_end_as_they_should_with_dormand_prince() {
+    all_are_right(&cases(), "dormand-prince", &Solo);
+}
+
+#[test]
+fn hard_cases_end_as_they_should_with_chebyshev() {
+    all_are_right(&cases(), "chebyshev", &Solo);
+}
+
+#[test]
+fn hard_cases_end_as_they_should_with_velocity_verlet() {
+    all_are_right(&cases(), "velocity-verlet", &Solo);
+}
+
+#[test]
+fn every_hard_case_is_for_the_default_method_and_at_least_three_others() {
+    for case in cases() {
+        let others = METHODS.iter().filter(|method| case.is_for(method)).count();
+        assert!(case.is_for("auto") && others >= 4, "{}", case.name);
+    }
+}
