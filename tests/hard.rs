@@ -3,6 +3,8 @@
 //! what was measured (`cargo test --test hard -- --nocapture` prints it).
 
 mod common;
+#[path = "common/mpirun.rs"]
+mod mpirun;
 
 #[path = "hard/judge.rs"]
 mod judge;

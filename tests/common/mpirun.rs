@@ -39,6 +39,7 @@ static MACHINE: Mutex<()> = Mutex::new(());
 
 /// A command line of the program that has not been started.
 pub struct Job {
+    program: PathBuf,
     ranks: Option<usize>,
     folder: PathBuf,
     arguments: Vec<String>,
@@ -50,6 +51,7 @@ pub struct Job {
 impl Job {
     fn new(ranks: Option<usize>, folder: &Path, arguments: &[&str]) -> Self {
         Job {
+            program: PROGRAM.into(),
             ranks,
             folder: folder.to_path_buf(),
             arguments: arguments.iter().map(ToString::to_string).collect(),
@@ -67,6 +69,16 @@ impl Job {
     /// Under mpirun, in `folder`.
     pub fn on(ranks: usize, folder: &Path, arguments: &[&str]) -> Self {
         Job::new(Some(ranks), folder, arguments)
+    }
+
+    /// Another program than ours.
+    pub fn of(self, program: PathBuf) -> Self {
+        Job { program, ..self }
+    }
+
+    /// The seconds that it may take.
+    pub fn within(self, seconds: u64) -> Self {
+        Job { deadline: Duration::from_secs(seconds), ..self }
     }
 
     /// More arguments.
@@ -89,13 +101,13 @@ impl Job {
 
     fn command(&self) -> Command {
         let Some(ranks) = self.ranks else {
-            let mut command = Command::new(PROGRAM);
+            let mut command = Command::new(&self.program);
             command.args(&self.arguments);
             return command;
         };
         let mut command = Command::new("mpirun");
         let Some((rank, name, value)) = &self.of_rank else {
-            command.args(["-n", &ranks.to_string(), PROGRAM]).args(&self.arguments);
+            command.args(["-n", &ranks.to_string()]).arg(&self.program).args(&self.arguments);
             return command;
         };
         // Several programs, one a rank, that differ in their environment only.
@@ -107,7 +119,7 @@ impl Job {
             if r == *rank {
                 command.args(["-x", &format!("{name}={value}")]);
             }
-            command.arg(PROGRAM).args(&self.arguments);
+            command.arg(&self.program).args(&self.arguments);
         }
         command
     }

@@ -194,6 +194,10 @@ pub fn faults(case: &Case, method: &str, tale: &Tale) -> Vec<String> {
         let kinetic = tale.course.kinetic_energy;
         hold(kinetic <= least, format!("does not rest: {kinetic:.2e} J, more than {least:.2e} J"));
     }
+    if let Some([low, high]) = case.kinetic {
+        let kinetic = tale.course.kinetic_energy;
+        hold((low..=high).contains(&kinetic), format!("kinetic energy {kinetic:e} J is not from {low:e} to {high:e} J"));
+    }
     let steps = counts.accepted + counts.rejected + counts.outrun;
     match scene.solver.step {
         Some(step) => hold(
@@ -225,7 +229,7 @@ pub fn line(case: &Case, method: &str, tale: &Tale) -> String {
             let (scene, start) = case.set_up(method).expect("it ran");
             format!(
                 "{head} {:>8} steps {:>6} rejected {:>4} forced {:>9} rhs; kinetic {:8.1e} J at the end, {:8.1e} J at most; \
-                 rise {:8.1e} J, {:7.1e}; overlap {:6.2e} r; {:5.2} s{}",
+                 rise {:8.1e} J, {:7.1e}; overlap {:6.2e} r; moved {:.2e} m; {:5.2} s{}",
                 counts.accepted,
                 counts.rejected + counts.outrun,
                 counts.forced,
@@ -235,6 +239,7 @@ pub fn line(case: &Case, method: &str, tale: &Tale) -> String {
                 tale.course.largest_rise,
                 tale.rise(&scene, &start),
                 tale.overlap / scene.particles.radius,
+                tale.moved,
                 tale.seconds,
                 tale.warnings.iter().map(|w| format!("\n    {w}")).collect::<String>()
             )

@@ -38,6 +38,8 @@ pub struct Case {
     pub may_warn: Vec<String>,
     /// Something that is right here and wrong elsewhere.
     pub allowed: Vec<String>,
+    /// Kinetic energy at the end, at least and at most, J.
+    pub kinetic: Option<[f64; 2]>,
     /// Most steps of the default method.
     pub most_steps: u64,
     /// Methods that have no business here.
@@ -73,6 +75,7 @@ impl Case {
             and_warns: vec![],
             may_warn: vec![],
             allowed: vec![],
+            kinetic: None,
             most_steps: 0,
             without: vec![],
             sets: vec![],
@@ -86,6 +89,10 @@ impl Case {
                 ["and", "warns"] => case.and_warns.push(value.into()),
                 ["may", "warn"] => case.may_warn.push(value.into()),
                 ["but"] => case.allowed.push(value.into()),
+                ["kinetic"] => {
+                    let (low, high) = value.split_once(" to ").unwrap();
+                    case.kinetic = Some([low, high].map(|number| number.parse().unwrap()));
+                }
                 ["steps"] => case.most_steps = value.strip_prefix("at most ").unwrap().parse().unwrap(),
                 ["not", "with"] => case.without = value.split(", ").map(str::to_owned).collect(),
                 ["with", method] => case.sets.push((method.into(), value.into())),
@@ -120,7 +127,10 @@ impl Case {
 
     /// What the program does before the first step.
     pub fn set_up(&self, method: &str) -> Result<(Scene, Start), Error> {
-        let scene = Scene::parse(&self.name, &self.text, &self.sets(method))?;
+        // A fixed step has no tolerance: that line goes.
+        let kept = |line: &&str| method != "velocity-verlet" || !line.starts_with("tolerance");
+        let text: String = self.text.lines().filter(kept).flat_map(|line| [line, "\n"]).collect();
+        let scene = Scene::parse(&self.name, &text, &self.sets(method))?;
         let start = match &scene.particles.grid {
             Some(grid) => start::grid(&scene, grid),
             None => start::read_csv(&scene, &folder())?,
