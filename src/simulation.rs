@@ -18,6 +18,7 @@ use std::time::Instant;
 
 mod choice;
 mod integrator;
+mod rounding;
 
 /// Forced accepts in a row that end a run.
 const FORCED_IN_A_ROW: u64 = 1000;
@@ -234,6 +235,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             return Err(simulation.unbearable_start());
         }
         if simulation.control.rule == StepRule::ProportionalIntegral {
+            simulation.check_rounding(tightening(scene))?;
             simulation.find_first_step();
         }
         Ok(simulation)

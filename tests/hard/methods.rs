@@ -1,7 +1,7 @@
 //! Every hard case with every method, on one rank.
 
-use crate::judge::all_are_right;
-use crate::scene::{METHODS, cases};
+use crate::judge::{all_are_right, run};
+use crate::scene::{Case, METHODS, cases};
 use demhybrid::domain::Solo;
 
 #[test]
@@ -35,4 +35,15 @@ fn every_hard_case_is_for_the_default_method_and_at_least_three_others() {
         let others = METHODS.iter().filter(|method| case.is_for(method)).count();
         assert!(case.is_for("auto") && others >= 4, "{}", case.name);
     }
+}
+
+#[test]
+fn chebyshev_alone_creates_energy_where_nothing_dissipates_and_the_program_says_so() {
+    // Why `auto` never asks it there: undamped waves grow in it.
+    let tale = run(&Case::read("e-1-smooth"), "chebyshev", &Solo);
+    assert!(
+        tale.warnings.iter().any(|warning| warning.contains("energy was created")),
+        "{:?}",
+        tale.warnings
+    );
 }

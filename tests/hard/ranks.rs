@@ -1,8 +1,8 @@
 //! Every hard case with the default method on three ranks: the same outcome, and the same bits, as on one. All cases share
 //! one launch: this test starts itself under mpirun.
 
-use crate::mpirun::Job;
 use crate::judge::{faults, run};
+use crate::mpirun::Job;
 use crate::scene::{Case, cases};
 use demhybrid::domain::{Comm, Solo, World};
 use mpi::Threading;
