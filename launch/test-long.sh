@@ -12,6 +12,9 @@ launch/setup.sh
 echo "== packing: step counts, volume fractions, walls"
 cargo test --locked --features long-tests --test packing -- --nocapture --test-threads=1
 
+echo "== hard cases: a bed at rest for 1 000 s, a column of 1 000 spheres, what vibrates at kappa = 500"
+cargo test --locked --features long-tests --test hard rest:: -- --nocapture --test-threads=1
+
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 cd "$work"

@@ -14,6 +14,7 @@ mod methods;
 mod program;
 #[path = "hard/ranks.rs"]
 mod ranks;
+#[cfg(feature = "long-tests")]
 #[path = "hard/rest.rs"]
 mod rest;
 #[path = "hard/scene.rs"]
