@@ -172,17 +172,17 @@ fn pair_barrier_warning(scene: &Scene, start: &Start) -> Option<String> {
 fn loose_tolerance_warning(scene: &Scene, start: &Start) -> Option<String> {
     let tolerance = scene.solver.tolerance.filter(|_| scene.solver.step.is_none())?;
     let v = start::velocity_scale(scene, start);
-    let (most, unit) = if scene.solver.norm == PAPER_NORM {
-        (scene.contact.stiffness_exponent * v * v, " m/s^2, the acceleration of a contact")
+    let (most, wrong) = if scene.solver.norm == PAPER_NORM {
+        let most = scene.contact.stiffness_exponent * v * v;
+        (most, format!("{} m/s^2, the acceleration of a contact", short(most)))
     } else {
-        (1.0, ", a whole radius")
+        (1.0, "a whole radius".to_owned())
     };
     (tolerance * tightening(scene) >= most).then(|| {
         format!(
-            "warning: solver.tolerance = {} does not control the step: it accepts steps that are wrong by {}{unit}; only \
-             how far a particle may move in a step does, and contacts may create energy; the default is 0.1",
-            short(tolerance),
-            short(most)
+            "warning: solver.tolerance = {} does not control the step: it accepts steps that are wrong by {wrong}; only how \
+             far a particle may move in a step does, and contacts may create energy; the default is 0.1",
+            short(tolerance)
         )
     })
 }
