@@ -24,6 +24,7 @@ mod failure;
 mod integrator;
 mod memory;
 mod rest;
+mod rounding;
 mod telling;
 
 /// Forced accepts in a row that end a run.
@@ -247,6 +248,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             return Err(simulation.unbearable_start());
         }
         if simulation.control.rule == StepRule::ProportionalIntegral {
+            simulation.check_rounding(tightening(scene))?;
             simulation.find_first_step();
         }
         Ok(simulation)
