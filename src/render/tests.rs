@@ -1,0 +1,1 @@
+//! Pictures of a few spheres, looked at pixel by pixel.
