@@ -53,6 +53,7 @@ pub enum Tool {
         #[arg(long)]
         force: bool,
     },
+    #[allow(missing_docs, reason = "its doc would take the place of the help in RenderArgs")]
     Render(Box<RenderArgs>),
     /// Print the JSON schema of scenes, for editors that complete and check TOML
     Schema,

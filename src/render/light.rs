@@ -10,9 +10,10 @@ pub type Light = [f32; 3];
 /// Distance of centres, in radii, from which on neighbours keep no light away.
 pub const REACH: f64 = 4.0;
 
-/// Share of the key light and of the sky in what lights a surface that sees both fully.
-const KEY: f64 = 0.62;
+/// Shares of the key light, the sky and a lamp at the camera in what lights a surface that sees them fully.
+const KEY: f64 = 0.60;
 const SKY: f64 = 0.50;
+const FRONT: f64 = 0.20;
 
 /// Strength of the highlight.
 const SHINE: f64 = 0.10;
@@ -28,7 +29,7 @@ impl Lamps {
     /// For a camera that sees `up` (unit) in its coordinates: the key light comes from behind it, from the left and
     /// above.
     pub fn new(up: Vec3) -> Self {
-        Lamps { key: (Vec3::new(-0.45, 0.25, -0.65) + up * 0.55).normalize(), up }
+        Lamps { key: (Vec3::new(-0.30, 0.25, -0.75) + up * 0.50).normalize(), up }
     }
 
     /// The colour of a point with the given surface colour, unit `normal`, direction `along` of the ray that hits it,
@@ -51,10 +52,10 @@ impl Lamps {
             key *= 1.0 - far * shadow(&self.key, &away, d2, r);
         }
         let facing = normal.dot(&self.key).max(0.0);
-        let from_sky = SKY * sky * (0.75 + 0.25 * normal.dot(&self.up));
+        let from_sky = SKY * (0.75 + 0.25 * normal.dot(&self.up)) + FRONT * -normal.dot(along);
         let half = (self.key - along).normalize();
         let shine = SHINE * key * normal.dot(&half).max(0.0).powi(40);
-        let diffuse = from_sky + KEY * key * facing;
+        let diffuse = sky * from_sky + KEY * key * facing;
         colour.map(|c| (f64::from(c) * diffuse + shine).min(1.0) as f32)
     }
 }
