@@ -189,7 +189,8 @@ impl<'a> Studio<'a> {
             let samples = samples.collect::<Result<Vec<_>, Error>>()?;
             Film::gif(&args.output, &samples, self.background, args.fps, args.force)?
         } else {
-            let count = u32::try_from(frames.len()).map_err(|_| record.unreadable("it holds too many frames"))?;
+            let count =
+                u32::try_from(frames.len()).map_err(|_| record.unreadable("it holds too many frames"))?;
             Film::apng(&args.output, self.size, count, args.fps, args.force)?
         };
         for &frame in frames {

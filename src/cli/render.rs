@@ -105,8 +105,10 @@ A GIF has 256 colours; APNG is exact, and browsers show it as they show GIF.";
 
 fn triple(text: &str) -> Result<[f64; 3], String> {
     let wrong = || "it must be three numbers with commas between them, such as 1,-2,0.5".to_owned();
-    let numbers: Vec<f64> =
-        text.split(',').map(|part| part.trim().parse::<f64>().map_err(|_| wrong())).collect::<Result<_, _>>()?;
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse::<f64>().map_err(|_| wrong()))
+        .collect::<Result<_, _>>()?;
     match <[f64; 3]>::try_from(numbers) {
         Ok(triple) if triple.iter().all(|c| c.is_finite()) => Ok(triple),
         Ok(_) => Err("its numbers must be finite".into()),

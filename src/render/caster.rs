@@ -192,7 +192,16 @@ impl<'a> Stage<'a> {
         for row in 0..height {
             for column in 0..width {
                 let k = (row + 1) * wide + column + 1;
-                let around = [k - wide - 1, k - wide, k - wide + 1, k - 1, k + 1, k + wide - 1, k + wide, k + wide + 1];
+                let around = [
+                    k - wide - 1,
+                    k - wide,
+                    k - wide + 1,
+                    k - 1,
+                    k + 1,
+                    k + wide - 1,
+                    k + wide,
+                    k + wide + 1,
+                ];
                 let (x, y) = ((left + column) as f64, (top + row) as f64);
                 let is_smooth = !tile.is_fine
                     && around.iter().all(|&other| body(other) == body(k))

@@ -124,7 +124,13 @@ impl Film {
     }
 
     /// A GIF with the colours of some of its pictures.
-    pub fn gif(path: &Path, samples: &[Picture], background: [u8; 3], fps: u16, force: bool) -> Result<Self, Error> {
+    pub fn gif(
+        path: &Path,
+        samples: &[Picture],
+        background: [u8; 3],
+        fps: u16,
+        force: bool,
+    ) -> Result<Self, Error> {
         let palette = Palette::new(samples, background);
         let Size { width, height } = samples[0].size;
         let file = create(path, force)?;
@@ -142,9 +148,7 @@ impl Film {
     pub fn add(&mut self, picture: &Picture) -> Result<(), Error> {
         let path = &self.path;
         match &mut self.writer {
-            Writer::Apng(writer) => {
-                writer.write_image_data(picture.bytes()).map_err(|why| failed(path, why))
-            }
+            Writer::Apng(writer) => writer.write_image_data(picture.bytes()).map_err(|why| failed(path, why)),
             Writer::Gif { encoder, palette, delay } => {
                 let indices: Vec<u8> = picture.pixels.par_iter().map(|&pixel| palette.index(pixel)).collect();
                 let Size { width, height } = picture.size;

@@ -30,16 +30,22 @@ struct Bar {
 impl Layout {
     /// For pictures of `size` that show `quantity` between `limits`; `plain`: no legend. `time`: the longest label of
     /// a time.
-    pub fn new(size: Size, quantity: Quantity, limits: Limits, plain: bool, time: &str) -> Result<Self, Error> {
+    pub fn new(
+        size: Size,
+        quantity: Quantity,
+        limits: Limits,
+        plain: bool,
+        time: &str,
+    ) -> Result<Self, Error> {
         let font = Font::for_picture(size);
         let margin = (size.height.min(size.width) / 24).max(1);
         let bar = (quantity != Quantity::None && !plain).then(|| Bar::new(quantity, limits));
-        let mut layout =
-            Layout { frame: [0.0; 4], font, margin, column: None, bar };
+        let mut layout = Layout { frame: [0.0; 4], font, margin, column: None, bar };
         let mut right = size.width - margin;
         if let Some(bar) = &layout.bar {
             let labels = bar.ticks.iter().map(|(_, label)| label.len()).max().unwrap_or(0);
-            let widest = (font.width() * bar.title.len().max(time.len())).max(layout.bar_width() + font.width() * (labels + 2));
+            let widest = (font.width() * bar.title.len().max(time.len()))
+                .max(layout.bar_width() + font.width() * (labels + 2));
             let column = size.width.saturating_sub(widest + margin);
             if column < size.width / 3 || size.height < 12 * font.height() {
                 return Err(Error::Input(format!(
@@ -59,7 +65,13 @@ impl Layout {
     }
 
     /// Draws legend and time label on `picture`.
-    pub fn draw(&self, picture: &mut Picture, time: Option<&str>, ink: [u8; 3], colour: impl Fn(f64) -> [u8; 3]) {
+    pub fn draw(
+        &self,
+        picture: &mut Picture,
+        time: Option<&str>,
+        ink: [u8; 3],
+        colour: impl Fn(f64) -> [u8; 3],
+    ) {
         let font = self.font;
         if let Some(time) = time {
             picture.write(font, self.column.unwrap_or(self.margin), self.margin, time, ink);
@@ -102,7 +114,8 @@ impl Bar {
             _ => (largest.log10().floor() as i32).clamp(-300, 300),
         };
         let factor = 10f64.powi(power);
-        let title = if power == 0 { format!("{name} ({unit})") } else { format!("{name} (1e{power} {unit})") };
+        let title =
+            if power == 0 { format!("{name} ({unit})") } else { format!("{name} (1e{power} {unit})") };
         let scaled = Limits { low: limits.low / factor, high: limits.high / factor };
         let ticks = ticks(scaled).into_iter().map(|(value, label)| (value * factor, label)).collect();
         Bar { title, limits, ticks }
@@ -134,7 +147,7 @@ fn ticks(limits: Limits) -> Vec<(f64, String)> {
 
 /// A time as it is labelled, with as many digits as frames `interval` (s) apart need.
 pub fn time_label(time: f64, interval: f64) -> String {
-    let digits = (-(interval.log10() - 1e-9).floor()).clamp(0.0, 12.0) as usize;
+    let digits = (-(interval.log10() + 1e-9).floor()).clamp(0.0, 12.0) as usize;
     // One more where the interval is not a power of ten times 1 to 9.
     let whole = interval * 10f64.powi(digits as i32);
     let digits = if (whole - whole.round()).abs() > 1e-6 * whole { digits + 1 } else { digits };
@@ -164,7 +177,11 @@ mod tests {
             for width in [1e-3, 0.013, 0.7, 1.0, 33.3, 9e4] {
                 let found = ticks(Limits { low, high: low + width });
                 assert!((3..=8).contains(&found.len()), "{low} {width}: {found:?}");
-                assert!(found.iter().all(|(tick, _)| *tick > low - width * 1e-5 && *tick < low + width * 1.000_01));
+                assert!(
+                    found
+                        .iter()
+                        .all(|(tick, _)| *tick > low - width * 1e-5 && *tick < low + width * 1.000_01)
+                );
                 let labels: std::collections::BTreeSet<_> = found.iter().map(|(_, label)| label).collect();
                 assert_eq!(labels.len(), found.len(), "{found:?}");
             }
@@ -193,7 +210,13 @@ mod tests {
     #[test]
     fn a_picture_too_small_for_a_legend_is_refused() {
         let layout = |width, height, plain| {
-            Layout::new(Size { width, height }, Quantity::Height, Limits { low: 0.0, high: 1.0 }, plain, "t = 1 s")
+            Layout::new(
+                Size { width, height },
+                Quantity::Height,
+                Limits { low: 0.0, high: 1.0 },
+                plain,
+                "t = 1 s",
+            )
         };
         let refused = layout(150, 150, false).unwrap_err();
         assert!(refused.to_string().starts_with("--size 150x150: too small"), "{refused}");

@@ -119,9 +119,8 @@ mod tests {
     fn a_neighbour_darkens_what_faces_it_and_nothing_else() {
         let lamps = Lamps::new(Vec3::y());
         let normal = Vec3::new(0.0, 1.0, 0.0);
-        let brightness = |around: &[Vec3]| {
-            lamps.shade([0.5; 3], &normal, &Vec3::z(), around.iter().copied(), 1.0)[0]
-        };
+        let brightness =
+            |around: &[Vec3]| lamps.shade([0.5; 3], &normal, &Vec3::z(), around.iter().copied(), 1.0)[0];
         let free = brightness(&[]);
         assert!(brightness(&[Vec3::new(0.0, 1.2, 0.0)]) < 0.7 * free);
         assert_eq!(brightness(&[Vec3::new(0.0, -2.0, 0.0)]), free);

@@ -85,7 +85,8 @@ impl FromStr for Background {
             let digits = text.strip_prefix('#').unwrap_or(text);
             let right = digits.len() == 6 && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
             right.then(|| {
-                [0, 2, 4].map(|k| u8::from_str_radix(&digits[k..k + 2], 16).expect("these are hexadecimal digits"))
+                [0, 2, 4]
+                    .map(|k| u8::from_str_radix(&digits[k..k + 2], 16).expect("these are hexadecimal digits"))
             })
         };
         match text {

@@ -142,9 +142,8 @@ fn letters_leave_ink_where_they_are_written_and_nowhere_else() {
     let inside = |k: usize| {
         (40..40 + 7 * font.width()).contains(&(k % 300)) && (30..30 + font.height()).contains(&(k / 300))
     };
-    let inked = |wanted: bool| {
-        (0..30_000).filter(|&k| inside(k) == wanted && picture.pixels[k] != WHITE).count()
-    };
+    let inked =
+        |wanted: bool| (0..30_000).filter(|&k| inside(k) == wanted && picture.pixels[k] != WHITE).count();
     assert!(inked(true) > 50 && inked(false) == 0);
     // Beyond the picture nothing happens.
     picture.write(font, 290, 95, "wide", [0; 3]);
