@@ -177,7 +177,7 @@ impl<'a> Studio<'a> {
         };
         let mut picture = caster::draw(&subject, &self.camera, self.size);
         let time = (!self.plain).then(|| time_label(state.time, self.interval));
-        self.layout.draw(&mut picture, time.as_deref(), ink, |share| self.colour(share));
+        self.layout.draw(&mut picture, time.as_deref(), [ink, self.background], |share| self.colour(share));
         picture
     }
 
@@ -247,6 +247,9 @@ impl Survey {
                 survey.values = [survey.values[0].min(value), survey.values[1].max(value)];
             }
             survey.last_time = state.time;
+        }
+        if survey.balls.is_empty() {
+            return Err(record.unreadable("it holds no spheres"));
         }
         Ok(survey)
     }

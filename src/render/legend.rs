@@ -64,14 +64,19 @@ impl Layout {
         3 * self.font.height() / 2
     }
 
-    /// Draws legend and time label on `picture`.
+    /// Draws legend and time label on `picture`, in colours `ink` on `background`. Spheres of a magnified picture end
+    /// where the legend begins.
     pub fn draw(
         &self,
         picture: &mut Picture,
         time: Option<&str>,
-        ink: [u8; 3],
+        [ink, background]: [[u8; 3]; 2],
         colour: impl Fn(f64) -> [u8; 3],
     ) {
+        let Size { width, height } = picture.size;
+        if let Some(column) = self.column {
+            picture.fill([column - self.margin / 2, 0, width, height], background);
+        }
         let font = self.font;
         if let Some(time) = time {
             picture.write(font, self.column.unwrap_or(self.margin), self.margin, time, ink);

@@ -51,9 +51,10 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Where `value` stands between the ends, 0 to 1.
+    /// Where `value` stands between the ends, 0 to 1; 0 for what is not a number.
     pub fn share(&self, value: f64) -> f64 {
-        ((value - self.low) / (self.high - self.low)).clamp(0.0, 1.0)
+        let share = (value - self.low) / (self.high - self.low);
+        if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
     }
 }
 
@@ -117,6 +118,7 @@ mod tests {
         let limits: Limits = "-1, 3".parse().unwrap();
         assert_eq!(limits, Limits { low: -1.0, high: 3.0 });
         assert_eq!([-9.0, -1.0, 0.0, 3.0, 9.0].map(|value| limits.share(value)), [0.0, 0.0, 0.25, 1.0, 1.0]);
+        assert_eq!(limits.share(f64::NAN), 0.0);
         for wrong in ["", "1", "1,", "a,b", "2,1", "1,1", "0,inf", "nan,1", "1,2,3"] {
             assert!(wrong.parse::<Limits>().is_err(), "{wrong}");
         }

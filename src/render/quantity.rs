@@ -67,7 +67,8 @@ impl Quantity {
 
     /// The ends of the legend for values from `low` to `high`. All but heights begin at 0.
     pub fn limits(self, low: f64, high: f64) -> Limits {
-        let low = if self == Quantity::Height { low } else { 0.0 };
+        // A force may overflow, and the legend ends before.
+        let (low, high) = (if self == Quantity::Height { low } else { 0.0 }, high.min(1e300));
         if high - low > 1e-9 * high.abs().max(low.abs()) {
             Limits { low, high }
         } else {
@@ -172,6 +173,7 @@ mod tests {
         assert_eq!(Quantity::Speed.limits(2.0, 5.0), Limits { low: 0.0, high: 5.0 });
         assert_eq!(Quantity::Height.limits(2.0, 5.0), Limits { low: 2.0, high: 5.0 });
         assert_eq!(Quantity::Speed.limits(0.0, 0.0), Limits { low: 0.0, high: 1.0 });
+        assert_eq!(Quantity::Force.limits(1.0, f64::INFINITY), Limits { low: 0.0, high: 1e300 });
         assert_eq!(Quantity::Height.limits(3.0, 3.0), Limits { low: 1.5, high: 4.5 });
     }
 }
