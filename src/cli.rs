@@ -1,6 +1,7 @@
 //! The command line: a scene to run, or a command about a scene.
 
 mod accuracy;
+mod render;
 
 use std::path::PathBuf;
 
@@ -9,6 +10,7 @@ use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
 pub use accuracy::AccuracyArgs;
+pub use render::RenderArgs;
 
 /// Simulate spheres that fall, collide, rub, roll and settle.
 ///
@@ -51,6 +53,8 @@ pub enum Tool {
         #[arg(long)]
         force: bool,
     },
+    #[allow(missing_docs, reason = "its doc would take the place of the help in RenderArgs")]
+    Render(Box<RenderArgs>),
     /// Print the JSON schema of scenes, for editors that complete and check TOML
     Schema,
     /// Print the completions of this program for a shell
@@ -137,6 +141,7 @@ Examples:
   mpirun -n 2 demhybrid --resume settle.vtkhdf
   demhybrid accuracy configs/quick.toml
   demhybrid init my.toml
+  demhybrid render settle.vtkhdf -o bed.png
 
 A scene whose file has the name of a command, like accuracy, is run by demhybrid ./accuracy.
 

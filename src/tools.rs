@@ -4,7 +4,7 @@ pub mod init;
 
 use crate::cli::{CommandLine, Tool};
 use crate::error::Error;
-use crate::{launch, scene};
+use crate::{launch, render, scene};
 use clap::CommandFactory;
 
 /// Does what `tool` asks for, on the first of several ranks alone; returns the exit code. Without MPI.
@@ -24,6 +24,7 @@ pub fn alone(tool: &Tool) -> i32 {
 fn run(tool: &Tool) -> Result<(), Error> {
     match tool {
         Tool::Init { scene, force } => init::write(scene, *force),
+        Tool::Render(args) => render::command(args),
         Tool::Schema => {
             launch::print(&scene::schema());
             Ok(())
