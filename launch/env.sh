@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # Source this (". launch/env.sh") before mpirun: what Open MPI wants where ranks run as root, outnumber the cores,
 # or use threads. Each setting may be overridden by setting it first. Other MPIs ignore all of them.
 

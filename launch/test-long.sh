@@ -34,6 +34,9 @@ echo "== fuzzing of scenes and particle files: four campaigns, with seeds that a
 FUZZ_SECONDS="${FUZZ_SECONDS:-150}" FUZZ_SEED="${FUZZ_SEED:-1000}" \
     cargo test --locked --test fuzz -- --test-threads=1
 
+echo "== hard cases: a bed at rest for 1 000 s, a column of 1 000 spheres, what vibrates at kappa = 500"
+cargo test --locked --features long-tests --test hard rest:: -- --nocapture --test-threads=1
+
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 cd "$work"

@@ -3,6 +3,7 @@
 mod accuracy;
 mod analyze;
 mod export;
+mod render;
 
 use std::path::PathBuf;
 
@@ -13,6 +14,7 @@ use clap_complete::Shell;
 pub use accuracy::AccuracyArgs;
 pub use analyze::AnalyzeArgs;
 pub use export::{ExportArgs, Format, Phase};
+pub use render::RenderArgs;
 
 /// Simulate spheres that fall, collide, rub, roll and settle.
 ///
@@ -61,6 +63,8 @@ pub enum Tool {
         #[arg(long)]
         force: bool,
     },
+    #[allow(missing_docs, reason = "its doc would take the place of the help in RenderArgs")]
+    Render(Box<RenderArgs>),
     /// Print the JSON schema of scenes, for editors that complete and check TOML
     Schema,
     /// Print the completions of this program for a shell
@@ -149,6 +153,7 @@ Examples:
   demhybrid init my.toml
   demhybrid analyze settle.vtkhdf
   demhybrid export settle.vtkhdf --to csv -o bed.csv
+  demhybrid render settle.vtkhdf -o bed.png
 
 A scene whose file has the name of a command, like accuracy, is run by demhybrid ./accuracy.
 

@@ -400,6 +400,19 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         (energy, overlap)
     }
 
+    /// The sum of the net forces on all particles, whose accelerations are in `slope`, over the sum of the forces of all
+    /// contacts, each counted once and as if it were at rest (rho(0) F), and of all weights: 0 in perfect balance, 1 in free
+    /// fall; NaN where there is no force at all. Collective.
+    pub fn unbalanced_force(&mut self, y: &[Motion<W>], slope: &[Motion<W>]) -> f64 {
+        let Setting { mass, gravity, .. } = self.forces.setting;
+        let net = exact::exact_sum(self.comm, slope.len(), |i| mass * slope[i].v.norm());
+        let height = exact::exact_sum(self.comm, y.len(), |i| -mass * gravity.dot(&y[i].x));
+        // A contact at rest pushes with kappa times what it stores, but for the cut at l_max.
+        let stored = self.potential_energy(y).0 - height;
+        let weights = mass * gravity.norm() * self.count() as f64;
+        net / (self.forces.law.kappa * stored.max(0.0) + weights)
+    }
+
     /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.
     /// Collective.
     fn dissipation(&mut self) -> Losses {

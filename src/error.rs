@@ -121,6 +121,22 @@ pub enum Error {
         i: u64,
     },
 
+    /// A tolerance that the rounding of a single step exceeds.
+    #[error(
+        "solver.tolerance = {tolerance:e} is below round-off: a step is rounded by {rounding:.1e} of the scales of the norm, \
+         as particle {i} is so far from the origin or so fast; {enough:.1e} or more would do"
+    )]
+    Rounding {
+        /// `solver.tolerance`.
+        tolerance: f64,
+        /// Rounding of a step in the norm.
+        rounding: f64,
+        /// Id of the particle with the largest numbers.
+        i: u64,
+        /// The smallest tolerance that would do.
+        enough: f64,
+    },
+
     /// A run of a comparison did more work than it may.
     #[error("stopped at t = {t} s after {done} right-hand sides: a run may take {limit}")]
     WorkLimit {
@@ -202,6 +218,7 @@ impl Error {
             | Error::NoStep { .. }
             | Error::TooFast { .. }
             | Error::BelowRoundOff { .. }
+            | Error::Rounding { .. }
             | Error::WorkLimit { .. } => 3,
             Error::Elsewhere { code } => *code,
             Error::Output { .. } | Error::Replaced { .. } | Error::Checkpoint { .. } => 4,

@@ -47,6 +47,7 @@ pub mod parallel;
 pub mod particle;
 pub mod program;
 pub mod record;
+pub mod render;
 pub mod report;
 pub mod scene;
 pub mod simulation;

@@ -233,11 +233,20 @@ impl<'a> Output<'a> {
         Ok(())
     }
 
-    /// Marks the run as completed, by the method that `choice` names, and closes the file. Collective.
-    pub fn finish(mut self, measures: &Measures, choice: &str) -> Result<(), Error> {
+    /// Marks the run as completed, by the method that `choice` names and before its end by the key `at_rest_by`, and closes
+    /// the file. Collective.
+    pub fn finish(
+        mut self,
+        measures: &Measures,
+        choice: &str,
+        at_rest_by: Option<&str>,
+    ) -> Result<(), Error> {
         let measures = measures.agreed(self.comm);
         let choice = agreed_text(self.comm, choice);
-        self.guarded(|frames| frames.complete(&measures, &choice))?;
+        self.guarded(|frames| {
+            at_rest_by.map_or(Ok(()), |by| frames.stopped(by))?;
+            frames.complete(&measures, &choice)
+        })?;
         match self.frames.take() {
             Some(frames) => frames.close().map_err(|why| failure(&self.path, &why)),
             None => Ok(()),

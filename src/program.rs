@@ -62,9 +62,7 @@ fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), E
     let count = start.x.len() as u64;
     let room = report::output_bytes(&scene, count).saturating_add(report::checkpoint_bytes(&scene, count));
     let place = Output::check_place(comm, &file, args.force, room);
-    let mut warnings: Vec<String> = report::cut_force_warning(&scene).into_iter().collect();
-    warnings.extend(report::double_wall_warnings(&scene));
-    tell(&warnings);
+    tell(&if comm.rank() == 0 { report::forewarnings(&scene, &start) } else { Vec::new() });
     if args.dry_run {
         let output = match &place {
             Ok(_) => file.display().to_string(),
@@ -77,10 +75,10 @@ fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), E
         return Ok(());
     }
     let place = place?;
-    let beginning = Beginning::Start(&start);
+    let beginning = Beginning::Start;
     simulation::dispatch(
         &scene,
-        Execution { ground, name: path, file: &file, place: &place, scene: &scene, beginning },
+        Execution { ground, name: path, file: &file, place: &place, scene: &scene, start: &start, beginning },
     )
 }
 

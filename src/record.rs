@@ -73,7 +73,7 @@ impl Record {
         if !path.exists() {
             return Err(unusable("there is no such file; it must be the output file of a run".into()));
         }
-        let Found { scene, completed, frames, count } = output::inspect(path).map_err(unusable)?;
+        let Found { scene, completed, frames, count, .. } = output::inspect(path).map_err(unusable)?;
         if frames == 0 {
             return Err(unusable("it holds no complete frame yet".into()));
         }

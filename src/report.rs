@@ -1,6 +1,6 @@
 //! What the program says: the plan of a dry run, the progress, the closing summary.
 
-use crate::container::{described_walls, short};
+use crate::container::short;
 use crate::domain::{Comm, rows, slabs::Slabs};
 use crate::dynamics::SKIN;
 use crate::effects::Effects;
@@ -18,57 +18,11 @@ use std::path::Path;
 use std::time::Instant;
 
 mod size_of_run;
+mod warnings;
+mod watch;
 pub use size_of_run::{START_BYTES, bytes_per_particle, checkpoint_bytes, frames, output_bytes};
-
-/// A warning where `l_max` cuts off a force that is not small, with the `l_max` that would do.
-pub fn cut_force_warning(scene: &Scene) -> Option<String> {
-    let contact = &scene.contact;
-    let g = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
-    let weight = scene.particles.mass * g;
-    let (scale, name) = if weight > 0.0 {
-        (weight, "the weight of a particle")
-    } else {
-        (contact.repulsion_at_contact, "F_0")
-    };
-    let cut =
-        contact.repulsion_at_contact * (-contact.stiffness_exponent * contact.interaction_distance).exp();
-    let enough = (contact.repulsion_at_contact / (1e-3 * scale)).ln() / contact.stiffness_exponent;
-    (cut > 1e-3 * scale).then(|| {
-        format!(
-            "warning: contact.interaction_distance = {} m cuts off a force of {cut:.3e} N, which is {:.1e} of {name}: \
-             step control and energy will suffer; {:.4} m or more would do",
-            contact.interaction_distance,
-            cut / scale,
-            // Rounded up, so that the number printed is enough.
-            (enough * 1e4).ceil() / 1e4
-        )
-    })
-}
-
-/// A warning for every two walls that are the same plane: each pushes, and rubs, on its own.
-pub fn double_wall_warnings(scene: &Scene) -> Vec<String> {
-    let walls = described_walls(&scene.container);
-    let mut warnings = Vec::new();
-    for (k, (b, second)) in walls.iter().enumerate() {
-        // Equal to rounding, far below any length that matters.
-        let same = walls[..k].iter().find(|(a, _)| (a.normal - b.normal).norm() < 1e-12 && a.coincides(b));
-        warnings.extend(same.map(|(_, first)| {
-            format!("warning: {second} is the same plane as {first}: its force counts twice")
-        }));
-    }
-    warnings
-}
-
-/// A warning where spheres overlap deeply before anything has moved.
-pub fn overlap_warning(scene: &Scene, overlap: f64) -> Option<String> {
-    let share = overlap / scene.particles.radius;
-    (share > 0.3).then(|| {
-        format!(
-            "warning: at the start spheres overlap each other or a wall by up to {overlap:.3e} m, {share:.2} of the radius: \
-             they will fly apart"
-        )
-    })
-}
+pub use warnings::{doubts, forewarnings, overlap_warning};
+pub use watch::Watch;
 
 /// What bounds the steps, in words.
 fn step_control(scene: &Scene) -> String {
@@ -287,6 +241,9 @@ pub fn summary(
         format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"),
     );
     line("step sizes", step_sizes(&limits));
+    if let Some(by) = outcome.at_rest_by {
+        line("at rest", format!("by {by} for {} s", scene.stop.as_ref().map_or(0.0, |stop| stop.window)));
+    }
     line("method", format!("{}; {}", outcome.choice, step_control(scene)));
     line("right-hand sides", format!("{rhs}"));
     line(
@@ -382,6 +339,10 @@ pub struct Course {
     pub start_energy: f64,
     /// Largest kinetic energy of any frame, J.
     pub largest_kinetic_energy: f64,
+    /// Least kinetic and potential energy of any frame so far, J.
+    pub lowest_energy: Option<f64>,
+    /// By how much the energy of a frame was above that of an earlier one at most, J: no contact creates energy.
+    pub largest_rise: f64,
 }
 
 impl Course {
@@ -395,6 +356,10 @@ impl Course {
         self.bed_height = frame.bed_height;
         self.dissipated = frame.dissipated;
         self.largest_kinetic_energy = self.largest_kinetic_energy.max(frame.kinetic_energy);
+        let energy = frame.kinetic_energy + frame.potential_energy;
+        let lowest = self.lowest_energy.map_or(energy, |lowest| lowest.min(energy));
+        self.lowest_energy = Some(lowest);
+        self.largest_rise = self.largest_rise.max(energy - lowest);
     }
 
     /// Energy that came from nowhere, J: what there is and what was dissipated, less what there was at the start.
@@ -402,47 +367,6 @@ impl Course {
         let [rebound, friction] = self.dissipated;
         self.kinetic_energy + self.potential_energy + rebound + friction - self.start_energy
     }
-}
-
-/// Share of the largest kinetic energy by which the energy balance may be off upwards.
-const CREATED_SHARE: f64 = 1e-3;
-/// Share of the energies in a balance that may be rounding.
-const ENERGY_ROUNDING: f64 = 1e-12;
-
-/// A warning where the run ends with more energy than it can have.
-fn created_energy_warning(scene: &Scene, course: &Course) -> Option<String> {
-    let (created, largest) = (course.residual(), course.largest_kinetic_energy);
-    let [rebound, friction] = course.dissipated;
-    let rounding = ENERGY_ROUNDING * (course.start_energy.abs() + rebound + friction);
-    let smaller = if scene.solver.step.is_some() { "solver.step" } else { "solver.tolerance" };
-    (scene.output.energy && created > CREATED_SHARE * largest && created > rounding).then(|| {
-        format!(
-            "warning: energy at the end and dissipated energy are {created:.3e} J more than there was at the start, {:.1e} \
-             of the largest kinetic energy: no contact creates energy, so the steps are too coarse for the motion, or for \
-             the integral of what it dissipates; a smaller {smaller} would help",
-            created / largest
-        )
-    })
-}
-
-/// What a user should doubt after a run.
-pub fn doubts(scene: &Scene, outcome: &Outcome, course: &Course) -> Vec<String> {
-    let mut doubts = Vec::new();
-    if outcome.counts.forced > 0 {
-        doubts.push(format!(
-            "warning: {} steps were accepted at solver.min_step = {:e} s with an error above solver.tolerance",
-            outcome.counts.forced, scene.solver.min_step
-        ));
-    }
-    let share = outcome.largest_overlap / scene.particles.radius;
-    if share > 0.3 {
-        doubts.push(format!(
-            "warning: the largest overlap is {share:.2} of the radius: the contacts are soft for this load; a larger \
-             contact.stiffness_exponent makes them harder"
-        ));
-    }
-    doubts.extend(created_energy_warning(scene, course));
-    doubts
 }
 
 #[cfg(test)]
@@ -466,80 +390,9 @@ mod tests {
     }
 
     #[test]
-    fn the_paper_cuts_off_nothing_that_matters() {
-        assert_eq!(cut_force_warning(&scene(&[])), None);
-        assert_eq!(cut_force_warning(&scene(&["gravity=[0,0,0]"])), None);
-    }
-
-    #[test]
-    fn a_cut_force_is_warned_of_with_the_distance_that_would_do() {
-        let warning = cut_force_warning(&scene(&["contact.stiffness_exponent=30"])).unwrap();
-        // 10 exp(-30 l) = 9.81e-3 at l = 0.230897 m.
-        assert!(
-            warning.contains("contact.interaction_distance = 0.1 m") && warning.contains("0.2309 m"),
-            "{warning}"
-        );
-        let enough = scene(&["contact.stiffness_exponent=30", "contact.interaction_distance=0.2309"]);
-        assert_eq!(cut_force_warning(&enough), None);
-        let weightless = scene(&["contact.stiffness_exponent=30", "gravity=[0,0,0]"]);
-        // exp(-30 l) = 1e-3 at l = 0.23026 m.
-        assert!(cut_force_warning(&weightless).unwrap().contains("0.2303 m"));
-    }
-
-    #[test]
-    fn walls_given_twice_are_warned_of() {
-        assert!(double_wall_warnings(&scene(&[])).is_empty());
-        let floor = "container.wall=[{ point = [5, 5, 0], normal = [0, 0, -2] }, { normal = [0, 0, 1] }]";
-        let warnings = double_wall_warnings(&scene(&[floor]));
-        assert_eq!(warnings.len(), 1, "{warnings:?}");
-        assert!(warnings[0].contains("container.wall[0]") && warnings[0].contains("z = 0 m"), "{warnings:?}");
-    }
-
-    #[test]
-    fn deep_overlaps_at_the_start_are_warned_of() {
-        assert_eq!(overlap_warning(&scene(&[]), 0.029), None);
-        assert!(overlap_warning(&scene(&[]), 0.17).unwrap().contains("1.70 of the radius"));
-    }
-
-    fn course(residual: f64) -> Course {
-        Course {
-            count: 1,
-            kinetic_energy: 1.0,
-            potential_energy: 2.0 + residual,
-            dissipated: [3.0, 4.0],
-            start_energy: 10.0,
-            largest_kinetic_energy: 5.0,
-            ..Course::default()
-        }
-    }
-
-    #[test]
-    fn created_energy_is_warned_of_where_the_balance_is_kept_and_lost_energy_is_not() {
-        let kept = scene(&["output.energy=true"]);
-        // 1e-3 of 5 J.
-        let warning = created_energy_warning(&kept, &course(6e-3)).unwrap();
-        assert!(warning.contains("6.000e-3 J") && warning.contains("1.2e-3 of the largest"), "{warning}");
-        assert!(warning.contains("a smaller solver.tolerance"), "{warning}");
-        for residual in [4e-3, 0.0, -6.0] {
-            assert_eq!(created_energy_warning(&kept, &course(residual)), None, "{residual} J");
-        }
-        assert_eq!(created_energy_warning(&scene(&[]), &course(6.0)), None);
-    }
-
-    #[test]
-    fn rounding_in_a_bed_at_rest_is_not_created_energy() {
-        let kept = scene(&["output.energy=true"]);
-        let still = Course { largest_kinetic_energy: 1e-20, ..course(1e-14) };
-        assert!(still.residual() > 0.0);
-        assert_eq!(created_energy_warning(&kept, &still), None);
-    }
-
-    #[test]
     fn a_step_of_its_own_is_named_where_there_is_no_tolerance() {
         let fixed = scene_with_solver("method = 'velocity-verlet'\nstep = 1e-5");
         assert_eq!(solver(&fixed, &Start::default()), "velocity-verlet, fixed step 1e-5 s");
-        let fixed = Scene { output: scene(&["output.energy=true"]).output, ..fixed };
-        assert!(created_energy_warning(&fixed, &course(6.0)).unwrap().contains("a smaller solver.step"));
     }
 
     #[test]

@@ -46,6 +46,8 @@ pub struct Scene {
     pub checkpoint: Option<Checkpoint>,
     /// What stops the run early.
     pub limits: Option<Limits>,
+    /// When the particles are at rest, which ends the run.
+    pub stop: Option<Stop>,
 }
 
 /// Identical spheres and one source of their initial state: exactly one of `file` and `grid` is there.
@@ -237,6 +239,26 @@ pub struct Checkpoint {
 pub struct Limits {
     /// Wall time, s; > 0.
     pub wall: Option<f64>,
+}
+
+/// When the particles are at rest: when one of the first three, of which at least one is there, has held for a window.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Stop {
+    /// Largest kinetic energy of a particle on average, J; > 0.
+    pub kinetic_energy: Option<f64>,
+    /// Largest unbalanced force ([`crate::dynamics::Dynamics::unbalanced_force`]); > 0.
+    pub unbalanced_force: Option<f64>,
+    /// Largest change of the height of the bed, m; > 0.
+    pub height_change: Option<f64>,
+    /// Simulated time for which it must hold, s; > 0.
+    pub window: f64,
+}
+
+impl Default for Stop {
+    fn default() -> Self {
+        Stop { kinetic_energy: None, unbalanced_force: None, height_change: None, window: 0.1 }
+    }
 }
 
 impl Scene {

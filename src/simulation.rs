@@ -11,7 +11,7 @@ use crate::ode::{
     Anchor, Ivp, Limit, Linear, Losses, Norm, StepControl, StepRule, Trial, Verdict, Weights, larger,
 };
 use crate::particle::{Locked, Motion, Spin, Spinning, Vec3};
-use crate::scene::Scene;
+use crate::scene::{Scene, Stop};
 use crate::start::{self, Start};
 use crate::wish::Wish;
 use integrator::Integrator;
@@ -23,6 +23,8 @@ mod choice;
 mod failure;
 mod integrator;
 mod memory;
+mod rest;
+mod rounding;
 mod telling;
 
 /// Forced accepts in a row that end a run.
@@ -103,6 +105,8 @@ pub struct Outcome {
     pub time: f64,
     /// What stopped the run before its end, if anything did.
     pub stopped: Option<Wish>,
+    /// The key of `[stop]` by which the particles are at rest, if that ended the run.
+    pub at_rest_by: Option<&'static str>,
     /// Work done.
     pub counts: Counts,
     /// Pairs evaluated by this rank, those with the earlier particle here.
@@ -179,6 +183,9 @@ pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     largest_overlap: f64,
     /// Wall time in frames and checkpoints, s.
     output_seconds: f64,
+    /// When the particles are at rest, and what was seen of them so far.
+    stop: Option<Stop>,
+    watched: rest::Watched,
     /// The run as it was before the last trial.
     memory: Option<Memory>,
     /// Simulated time between checkpoints, s; infinite if only others ask for them.
@@ -241,6 +248,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             return Err(simulation.unbearable_start());
         }
         if simulation.control.rule == StepRule::ProportionalIntegral {
+            simulation.check_rounding(tightening(scene))?;
             simulation.find_first_step();
         }
         Ok(simulation)
@@ -275,6 +283,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             frame: 0,
             largest_overlap: 0.0,
             output_seconds: 0.0,
+            stop: scene.stop.clone(),
+            watched: rest::Watched::default(),
             memory: None,
             checkpoint_interval: checkpoint.and_then(|keys| keys.interval).unwrap_or(f64::INFINITY),
             checkpoints: checkpoint.is_some(),
@@ -313,6 +323,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             self.frame = 1;
         }
         'steps: loop {
+            if let Some(by) = self.at_rest_by() {
+                return self.end_at_rest(by, observer);
+            }
             let step = self.find_step()?;
             if self.save_if_asked(observer)? {
                 return Ok(self.outcome());

@@ -6,7 +6,7 @@ pub mod init;
 
 use crate::cli::{CommandLine, Tool};
 use crate::error::Error;
-use crate::{launch, scene};
+use crate::{launch, render, scene};
 use clap::CommandFactory;
 
 /// Does what `tool` asks for, on the first of several ranks alone; returns the exit code. Without MPI.
@@ -28,6 +28,7 @@ fn run(tool: &Tool) -> Result<(), Error> {
         Tool::Analyze(args) => analyze::run(args),
         Tool::Export(args) => export::write(args),
         Tool::Init { scene, force } => init::write(scene, *force),
+        Tool::Render(args) => render::command(args),
         Tool::Schema => {
             launch::print(&scene::schema());
             Ok(())

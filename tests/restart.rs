@@ -293,6 +293,27 @@ fn a_complete_run_is_left_alone_and_a_longer_one_equals_one_that_was_longer_from
 }
 
 #[test]
+fn a_run_that_ends_at_rest_is_complete_and_says_why() {
+    let folder = folder();
+    let sets = ["--set", "stop.unbalanced_force=0.5", "--set", "stop.window=0.02", "-q"];
+    let ended = Job::alone(folder.path(), &["scene.toml", "-o", "one.vtkhdf"]).and(&sets).run().with_code(0);
+    assert!(ended.line("at rest").contains("by stop.unbalanced_force for 0.02 s"), "{}", ended.stdout);
+    Job::on(3, folder.path(), &["scene.toml", "-o", "three.vtkhdf"]).and(&sets).run().with_code(0);
+    let [one, three] =
+        ["one", "three"].map(|name| Results::open(&folder.path().join(format!("{name}.vtkhdf"))));
+    let end = *one.times().last().unwrap();
+    assert!(end > 0.1 && end < 0.6, "{end} s");
+    assert_eq!((one.text("stopped_by"), one.count("completed")), ("stop.unbalanced_force".to_owned(), 1));
+    assert_eq!((one.times(), one.count("rhs_evaluations")), (three.times(), three.count("rhs_evaluations")));
+    for name in one.vector_names() {
+        assert_eq!(one.vectors(name, one.frames() - 1), three.vectors(name, one.frames() - 1), "{name}");
+    }
+    drop((one, three));
+    let again = Job::alone(folder.path(), &["--resume", "one.vtkhdf"]).run().with_code(0);
+    assert!(again.stderr.contains("one.vtkhdf is complete"), "{}", again.stderr);
+}
+
+#[test]
 fn what_cannot_be_taken_up_is_refused_with_one_message() {
     let place = folder();
     let folder = place.path();

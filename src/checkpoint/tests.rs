@@ -186,6 +186,29 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits_with_every_method_on_any_rank
 }
 
 #[test]
+fn a_run_that_looks_out_for_rest_is_the_same_until_it_ends_and_so_is_its_second_part() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a");
+    let plain = part(&scene(&[FRICTION]), 1, &path, false, u64::MAX);
+    let watchful = scene(&[
+        FRICTION,
+        "stop={ unbalanced_force = 1e-12, kinetic_energy = 1e-30, height_change = 1e-12 }",
+    ]);
+    let watched = part(&watchful, 2, &path, false, u64::MAX);
+    let seen = |film: &Film| film.0.iter().map(|frame| (frame.0, frame.1.clone())).collect::<Vec<_>>();
+    assert_eq!(seen(&watched), seen(&plain));
+    // It may end on the way, and after a stop on the way it ends there too.
+    let stops = scene(&[FRICTION, "stop={ unbalanced_force = 0.5, window = 0.02 }"]);
+    let whole = part(&stops, 1, &path, false, u64::MAX);
+    let end = f64::from_bits(whole.0.last().unwrap().0);
+    assert!(end > 0.2 && end < 0.7, "{end} s");
+    let mut film = part(&stops, 3, &path, false, 40);
+    assert!(film.0.len() < whole.0.len());
+    film.0.extend(part(&stops, 2, &path, true, u64::MAX).0);
+    assert_eq!(film, whole);
+}
+
+#[test]
 fn a_run_may_be_stopped_again_and_again() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("a");

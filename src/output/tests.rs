@@ -85,7 +85,7 @@ fn written(frames: u64, rotation: bool, scene: &str) -> (TempDir, File) {
     for k in 0..frames {
         append(&mut output, k, rotation);
     }
-    output.finish(&measures(frames), CHOICE).unwrap();
+    output.finish(&measures(frames), CHOICE, None).unwrap();
     let file = File::open(path).unwrap();
     (folder, file)
 }
@@ -100,7 +100,7 @@ fn described(frames: u64, change: impl FnOnce(&mut RunInfo)) -> (TempDir, File) 
     change(&mut info);
     let mut output = Output::create(&Solo, &path, &info, COUNT, RADIUS, false, 0..COUNT).unwrap();
     (0..frames).for_each(|k| append(&mut output, k, false));
-    output.finish(&measures(frames), CHOICE).unwrap();
+    output.finish(&measures(frames), CHOICE, None).unwrap();
     (folder, File::open(path).unwrap())
 }
 
@@ -384,7 +384,7 @@ fn after_a_failed_write_the_file_is_not_touched_any_more() {
     let before = std::fs::read(&path).unwrap();
     let rows = Rows { first: 0, column: &|_| panic!("nothing is to be written") };
     assert!(output.append(&rows, &measures(1)).is_err());
-    assert_eq!(output.finish(&measures(1), CHOICE).unwrap_err().exit_code(), 4);
+    assert_eq!(output.finish(&measures(1), CHOICE, None).unwrap_err().exit_code(), 4);
     assert_eq!(std::fs::read(&path).unwrap(), before);
 }
 

@@ -11,7 +11,7 @@ use crate::launch;
 use crate::output::{self, Measures, Output, Quantity, Rows, RunInfo, Seconds};
 use crate::outside::Outside;
 use crate::particle::{Motion, Spin};
-use crate::report::{self, Course, Progress};
+use crate::report::{self, Course, Progress, Watch};
 use crate::scene::Scene;
 use crate::simulation::{Frame, Observer, Outcome, Simulation, Snapshot, Task};
 use crate::start::{self, Start};
@@ -22,9 +22,9 @@ use std::path::Path;
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Beginning<'a> {
     /// At its start, in a new file.
-    Start(&'a Start),
+    Start,
     /// At its start, in a file that has the first frame already.
-    Again(&'a Start),
+    Again,
     /// At the checkpoint in this file, which has been verified.
     Checkpoint(&'a Path),
 }
@@ -39,6 +39,8 @@ pub(super) struct Execution<'a> {
     /// The same, absolute.
     pub place: &'a Path,
     pub scene: &'a Scene,
+    /// Where all particles were at t = 0.
+    pub start: &'a Start,
     pub beginning: Beginning<'a>,
 }
 
@@ -65,16 +67,16 @@ impl Execution<'_> {
         law: Law<R, T>,
         comm: &'c dyn Comm,
     ) -> Result<Ready<Simulation<'c, R, T, W>>, Error> {
-        let scene = self.scene;
+        let (scene, start) = (self.scene, self.start);
         match self.beginning {
-            Beginning::Start(start) | Beginning::Again(start) => {
+            Beginning::Start | Beginning::Again => {
                 let count = start.x.len() as u64;
                 Ok(Ready {
                     simulation: Simulation::new(scene, start, law, comm)?,
                     count,
                     velocity_scale: start::velocity_scale(scene, start),
                     course: Course { count, ..Course::default() },
-                    frames: u64::from(matches!(self.beginning, Beginning::Again(_))),
+                    frames: u64::from(matches!(self.beginning, Beginning::Again)),
                     next: 0,
                     serial: 0,
                     wall_seconds: 0.0,
@@ -129,7 +131,7 @@ impl Execution<'_> {
         rotation: bool,
     ) -> Result<Output<'c>, Error> {
         let (scene, place) = (self.scene, self.place);
-        if let Beginning::Start(_) = self.beginning {
+        if let Beginning::Start = self.beginning {
             if comm.rank() == 0 {
                 checkpoint::clear(place);
             }
@@ -150,7 +152,7 @@ impl Task for Execution<'_> {
     type Output = Result<(), Error>;
 
     fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Result<(), Error> {
-        let Ground { args, comm, threads, started, .. } = *self.ground;
+        let Ground { args, comm, started, .. } = *self.ground;
         let (scene, rotation) = (self.scene, W::COMPONENTS > 0);
         let outside = agree(
             comm,
@@ -174,6 +176,7 @@ impl Task for Execution<'_> {
             progress: Progress::new(comm.rank(), scene.t_end, args.quiet, args.verbose),
             measures: None,
             course,
+            watch: Watch::new(scene, self.start),
             kept: frames,
             next,
             written: 0,
@@ -186,7 +189,7 @@ impl Task for Execution<'_> {
         let outcome = outcome?;
         let transfer = recorder.output.transfer_report().to_string();
         let wall_seconds = recorder.wall_seconds();
-        let Recorder { output, measures, course, written, .. } = recorder;
+        let Recorder { output, measures, course, watch, written, .. } = recorder;
         match (outcome.stopped, measures) {
             (Some(wish), _) => {
                 outside.granted(wish);
@@ -194,12 +197,13 @@ impl Task for Execution<'_> {
             }
             (None, Some(measures)) => {
                 let seconds = seconds(&outcome.clocks, outcome.output_seconds);
-                output.finish(&Measures { wall_seconds, seconds, ..measures }, &outcome.choice)?;
+                let by = outcome.at_rest_by;
+                output.finish(&Measures { wall_seconds, seconds, ..measures }, &outcome.choice, by)?;
             }
             (None, None) => {}
         }
         let written = format!("{}: {written} frames, {transfer}", self.file.display());
-        self.tell(&outcome, &course, threads, &written);
+        self.tell(&outcome, &course, &watch, &written);
         match outcome.stopped {
             Some(wish) => {
                 Err(Error::Stopped { wish, t: outcome.time, file: self.file.display().to_string() })
@@ -211,12 +215,13 @@ impl Task for Execution<'_> {
 
 impl Execution<'_> {
     /// The closing summary, and what to doubt. Collective.
-    fn tell(&self, outcome: &Outcome, course: &Course, threads: usize, written: &str) {
-        let comm = self.ground.comm;
+    fn tell(&self, outcome: &Outcome, course: &Course, watch: &Watch, written: &str) {
+        let Ground { comm, threads, .. } = *self.ground;
         let text = report::summary(comm, self.name, self.scene, outcome, course, threads, written);
+        let doubts = report::doubts(comm, self.scene, self.start, outcome, course, watch);
         if comm.rank() == 0 {
             launch::print(&text);
-            report::doubts(self.scene, outcome, course).iter().for_each(|doubt| launch::say(doubt));
+            doubts.iter().for_each(|doubt| launch::say(doubt));
         }
     }
 }
@@ -232,6 +237,7 @@ struct Recorder<'a> {
     progress: Progress,
     measures: Option<Measures>,
     course: Course,
+    watch: Watch,
     /// Frames that the file held at the beginning.
     kept: u64,
     /// The next frame.
@@ -301,6 +307,7 @@ impl<W: Spin> Observer<W> for Recorder<'_> {
         self.measures = Some(measures);
         self.next += 1;
         self.course.follow(frame);
+        self.watch.follow(frame);
         self.progress.frame(frame);
         Ok(())
     }

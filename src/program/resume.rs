@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 enum Plan {
     /// Nothing: the run is complete.
-    Nothing { t_end: f64 },
+    Nothing { t: f64 },
     /// To begin again, with what the file holds of the start.
     Again { scene: String, frames: u64, count: u64 },
     /// To go on from the first of these checkpoints that turns out to be sound.
@@ -55,9 +55,9 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     };
     warnings.iter().for_each(|warning| tell(warning));
     match serde_json::from_str(&plan).expect("rank 0 made it") {
-        Plan::Nothing { t_end } => {
+        Plan::Nothing { t } => {
             tell(&format!(
-                "demhybrid: the run in {} is complete, to t = {t_end} s: nothing to do. --set t_end=LARGER would go on",
+                "demhybrid: the run in {} is complete, to t = {t} s: nothing to do. --set t_end=LARGER would go on",
                 file.display()
             ));
             Ok(())
@@ -69,16 +69,25 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
                 "demhybrid: there is no checkpoint of {} yet: the run begins again at t = 0 s",
                 file.display()
             ));
-            let beginning = if frames > 0 { Beginning::Again(&start) } else { Beginning::Start(&start) };
+            let beginning = if frames > 0 { Beginning::Again } else { Beginning::Start };
             simulation::dispatch(
                 &scene,
-                Execution { ground, name: file, file, place: &place, scene: &scene, beginning },
+                Execution {
+                    ground,
+                    name: file,
+                    file,
+                    place: &place,
+                    scene: &scene,
+                    start: &start,
+                    beginning,
+                },
             )
         }
         Plan::Continue { scene, slots } => {
             let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
             let slot = first_sound(comm, &slots, &tell).map_err(unusable)?;
-            agree(comm, check_memory(comm, &scene, slot.count))?;
+            // What came before the checkpoint is looked at for the warnings at the end.
+            let start = start_of(comm, &scene, &place, 1, slot.count)?;
             Output::check_place(comm, file, true, report::output_bytes(&scene, slot.count))?;
             tell(&format!(
                 "demhybrid: {} goes on from t = {} s, after {} steps (checkpoint {})",
@@ -98,7 +107,15 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
             let beginning = Beginning::Checkpoint(&slot.path);
             simulation::dispatch(
                 &scene,
-                Execution { ground, name: file, file, place: &place, scene: &scene, beginning },
+                Execution {
+                    ground,
+                    name: file,
+                    file,
+                    place: &place,
+                    scene: &scene,
+                    start: &start,
+                    beginning,
+                },
             )
         }
     }
@@ -123,7 +140,7 @@ fn plan(place: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Pla
         Scene::parse("", &found.scene, &[]).map_err(|why| format!("its scene is broken: {why}"))?;
     let asked = scene_of(place, &found.scene, sets)?;
     if found.completed && asked.t_end == recorded.t_end {
-        return Ok(Plan::Nothing { t_end: recorded.t_end });
+        return Ok(Plan::Nothing { t: found.time });
     }
     if heads.is_empty() {
         return Ok(Plan::Again { scene: found.scene, frames: found.frames, count: found.count });

@@ -5,7 +5,7 @@ use toml::de::{DeInteger, DeTable, DeValue};
 
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
-use super::{BoxSides, Checkpoint, Container, Grid, Scene};
+use super::{BoxSides, Checkpoint, Container, Grid, Scene, Stop};
 use crate::error::Error;
 
 /// Frames that one run may write.
@@ -344,6 +344,12 @@ fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
 
 /// A table that asks for nothing is a mistake.
 fn checkpoints(source: &Source, scene: &Scene) -> Result<(), Error> {
+    if let Some(Stop { kinetic_energy: None, unbalanced_force: None, height_change: None, .. }) = scene.stop {
+        return Err(source.error(
+            source.key("stop"),
+            "[stop] needs kinetic_energy (J a sphere), unbalanced_force or height_change (m), e.g. kinetic_energy = 1e-6",
+        ));
+    }
     match &scene.checkpoint {
         Some(Checkpoint { interval: None, wall: None }) => Err(source.error(
             source.key("checkpoint"),

@@ -84,6 +84,7 @@ pub(super) const KEYS: &[Key] = &[
     optional("output", Table, "the table of the output file", "{ interval = 0.02 }"),
     optional("checkpoint", Table, "the table of the checkpoints", "{ interval = 0.5 }"),
     optional("limits", Table, "the table of what stops a run early", "{ wall = 3600.0 }"),
+    optional("stop", Table, "the table of when the spheres are at rest, which ends the run", "{ kinetic_energy = 1e-6 }"),
 
     required("particles.radius", Number(Positive), "the radius r of every sphere in m", "0.1"),
     optional("particles.mass", Number(Positive), "the mass of one sphere in kg", "1.0"),
@@ -129,6 +130,12 @@ pub(super) const KEYS: &[Key] = &[
 
     optional("checkpoint.interval", Number(Positive), "the simulated time in s between two checkpoints", "0.5"),
     optional("checkpoint.wall", Number(Positive), "the wall time in s between two checkpoints", "600.0"),
+
+    optional("stop.kinetic_energy", Number(Positive), "the mean kinetic energy of a sphere at rest in J, at most", "1e-6"),
+    optional("stop.unbalanced_force", Number(Positive),
+             "the sum of net forces at rest over that of contact forces and weights, at most", "1e-3"),
+    optional("stop.height_change", Number(Positive), "the change of the height of the bed at rest in m, at most", "1e-5"),
+    optional("stop.window", Number(Positive), "the simulated time in s for which the spheres must be at rest", "0.1"),
 
     optional("limits.wall", Number(Positive), "the wall time in s after which the run saves itself and stops", "3600.0"),
 ];
@@ -220,6 +227,7 @@ mod tests {
             "output",
             "checkpoint",
             "limits",
+            "stop",
         ] {
             if !table.is_empty() {
                 text += &format!("[{table}]\n");

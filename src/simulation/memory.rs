@@ -4,7 +4,7 @@
 //! A run is remembered as it was before the last trial step that stood: the one thing that a step which stands does not
 //! change. Taking up a memory repeats that step, and so brings back its frames too, wherever the run was stopped.
 
-use super::{Counts, Simulation, error_control, integrator};
+use super::{Counts, Simulation, error_control, integrator, rest};
 use crate::contact::{Law, Rebound, Tangential};
 use crate::domain::{Comm, rows};
 use crate::dynamics::{Dynamics, Extremes};
@@ -37,6 +37,7 @@ pub struct Memory {
     pub(super) rejected: bool,
     pub(super) integrator: integrator::Memory,
     pub(super) extremes: Extremes,
+    pub(super) watched: rest::Watched,
     pub(super) largest_overlap: f64,
 }
 
@@ -111,6 +112,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             forced_in_a_row: memory.forced_in_a_row,
             largest_overlap: memory.largest_overlap,
             frame: memory.frame,
+            watched: memory.watched,
             memory: Some(memory),
             ..Simulation::at_rest(scene, comm, dynamics, norm, control)
         };
@@ -146,6 +148,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             rejected: control.rejected,
             integrator: self.integrator.memory(),
             extremes: dynamics.extremes(),
+            watched: self.watched,
             largest_overlap: self.largest_overlap,
         });
     }

@@ -82,6 +82,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         Outcome {
             time: self.anchor.t,
             stopped: wish.stops().then_some(wish),
+            at_rest_by: None,
             counts: Counts {
                 pairs: self.dynamics.pair_evaluations(),
                 rebuilds: self.dynamics.rebuilds(),

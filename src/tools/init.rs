@@ -35,7 +35,7 @@ pub fn write(path: &Path, force: bool) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Scene, schema};
+    use crate::scene::{Scene, Stop, schema};
 
     /// The scene with every key that stands behind `#`; sentences stand behind a blank more.
     fn with_all_keys() -> String {
@@ -55,6 +55,7 @@ mod tests {
         let mut spelt_out =
             Scene::parse("scene.toml", &all, &[]).unwrap_or_else(|why| panic!("{why}\n{all}"));
         assert!(spelt_out.checkpoint.take().is_some() && spelt_out.limits.take().is_some());
+        assert_eq!(spelt_out.stop.take().map(|stop| stop.window), Some(Stop::default().window));
         spelt_out.container.wall.clear();
         spelt_out.solver.velocity_scale = None;
         assert_eq!(spelt_out, scene);

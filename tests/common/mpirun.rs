@@ -40,6 +40,7 @@ static MACHINE: Mutex<()> = Mutex::new(());
 /// A command line of the program that has not been started.
 pub struct Job {
     shell: bool,
+    program: PathBuf,
     ranks: Option<usize>,
     folder: PathBuf,
     arguments: Vec<String>,
@@ -52,6 +53,7 @@ impl Job {
     fn new(ranks: Option<usize>, folder: &Path, arguments: &[&str]) -> Self {
         Job {
             shell: false,
+            program: PROGRAM.into(),
             ranks,
             folder: folder.to_path_buf(),
             arguments: arguments.iter().map(ToString::to_string).collect(),
@@ -74,6 +76,16 @@ impl Job {
     /// A shell that may mount file systems nobody else sees, in `folder`; `$PROGRAM` is the program.
     pub fn shell(folder: &Path, script: &str) -> Self {
         Job { shell: true, ..Job::new(None, folder, &[script]) }
+    }
+
+    /// Another program than ours.
+    pub fn of(self, program: PathBuf) -> Self {
+        Job { program, ..self }
+    }
+
+    /// The seconds that it may take.
+    pub fn within(self, seconds: u64) -> Self {
+        Job { deadline: Duration::from_secs(seconds), ..self }
     }
 
     /// More arguments.
@@ -106,13 +118,13 @@ impl Job {
             return command;
         }
         let Some(ranks) = self.ranks else {
-            let mut command = Command::new(PROGRAM);
+            let mut command = Command::new(&self.program);
             command.args(&self.arguments);
             return command;
         };
         let mut command = Command::new("mpirun");
         let Some((rank, name, value)) = &self.of_rank else {
-            command.args(["-n", &ranks.to_string(), PROGRAM]).args(&self.arguments);
+            command.args(["-n", &ranks.to_string()]).arg(&self.program).args(&self.arguments);
             return command;
         };
         // Several programs, one a rank, that differ in their environment only.
@@ -124,7 +136,7 @@ impl Job {
             if r == *rank {
                 command.args(["-x", &format!("{name}={value}")]);
             }
-            command.arg(PROGRAM).args(&self.arguments);
+            command.arg(&self.program).args(&self.arguments);
         }
         command
     }

@@ -1,0 +1,96 @@
+//! A picture in memory, and text on it.
+
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+
+use super::options::Size;
+
+/// Pixels, sRGB, row by row from the top left.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    /// Its size.
+    pub size: Size,
+    /// The colours.
+    pub pixels: Vec<[u8; 3]>,
+}
+
+impl Picture {
+    /// All of one colour.
+    pub fn new(size: Size, colour: [u8; 3]) -> Self {
+        Picture { size, pixels: vec![colour; size.width * size.height] }
+    }
+
+    /// All bytes, as files want them.
+    pub fn bytes(&self) -> &[u8] {
+        self.pixels.as_flattened()
+    }
+
+    /// Lays `ink` over a pixel with the given strength, 0 to 255; beyond the picture nothing happens.
+    pub fn ink(&mut self, column: usize, row: usize, ink: [u8; 3], strength: u8) {
+        if column < self.size.width && row < self.size.height {
+            let pixel = &mut self.pixels[row * self.size.width + column];
+            let strength = u32::from(strength);
+            for (old, new) in pixel.iter_mut().zip(ink) {
+                *old = ((u32::from(*old) * (255 - strength) + u32::from(new) * strength + 127) / 255) as u8;
+            }
+        }
+    }
+
+    /// Fills a rectangle: columns from `left` to before `right`, rows likewise.
+    pub fn fill(&mut self, [left, top, right, bottom]: [usize; 4], ink: [u8; 3]) {
+        for row in top..bottom {
+            for column in left..right {
+                self.ink(column, row, ink, 255);
+            }
+        }
+    }
+
+    /// Writes `text`, ASCII, with its upper left corner at the given pixel.
+    pub fn write(&mut self, font: Font, column: usize, row: usize, text: &str, ink: [u8; 3]) {
+        for (k, letter) in text.chars().enumerate() {
+            let Some(glyph) = get_raster(letter, FontWeight::Regular, font.raster) else { continue };
+            for (y, line) in glyph.rows().enumerate() {
+                for (x, &strength) in line.iter().enumerate().filter(|(_, strength)| **strength > 0) {
+                    for dot in 0..font.times * font.times {
+                        let (dx, dy) = (dot % font.times, dot / font.times);
+                        self.ink(
+                            column + k * font.width() + x * font.times + dx,
+                            row + y * font.times + dy,
+                            ink,
+                            strength,
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Letters of one size; all are equally wide.
+#[derive(Debug, Clone, Copy)]
+pub struct Font {
+    raster: RasterHeight,
+    /// Pixels of the picture along a pixel of the font: pictures larger than the largest font.
+    times: usize,
+}
+
+impl Font {
+    /// The size that suits a picture of `size`.
+    pub fn for_picture(size: Size) -> Self {
+        match size.height.min(size.width) / 36 {
+            0..18 => Font { raster: RasterHeight::Size16, times: 1 },
+            18..23 => Font { raster: RasterHeight::Size20, times: 1 },
+            23..29 => Font { raster: RasterHeight::Size24, times: 1 },
+            wanted => Font { raster: RasterHeight::Size32, times: ((wanted + 16) / 32).max(1) },
+        }
+    }
+
+    /// Height of a line, pixels.
+    pub fn height(self) -> usize {
+        self.raster.val() * self.times
+    }
+
+    /// Width of a letter, pixels.
+    pub fn width(self) -> usize {
+        get_raster_width(FontWeight::Regular, self.raster) * self.times
+    }
+}
