@@ -24,8 +24,16 @@ fi
 
 scene="${SCENE:?give the scene: qsub -v SCENE=configs/bed.toml launch/pbs.sh}"
 output="${OUTPUT:-$(basename "$scene" .toml)${PBS_ARRAY_INDEX:+-$PBS_ARRAY_INDEX}.vtkhdf}"
-# PBS has no signal before the end: the run has the limit of the job, less two minutes, counted from here.
-wall="${WALL:-3480}"
+# PBS announces nothing: every part has the limit of the job, less two minutes, counted from here.
+asked() {
+    qstat -f "${PBS_JOBID:-}" 2>/dev/null | sed -n "s/^ *$1 = //p" | head -n 1
+}
+wall="${WALL:-}"
+if [ -z "$wall" ]; then
+    IFS=: read -r hours minutes seconds <<<"$(asked Resource_List.walltime)"
+    wall=$((10#${hours:-1} * 3600 + 10#${minutes:-0} * 60 + 10#${seconds:-0} - 120))
+fi
+every_part=(--set "limits.wall=$wall")
 read -r -a arguments <<<"${ARGUMENTS:-}"
 if [ -n "${PBS_ARRAY_INDEX:-}" ]; then
     arguments+=(--set "particles.grid.seed=$PBS_ARRAY_INDEX")
@@ -36,9 +44,13 @@ ranks="$(wc -l <"${PBS_NODEFILE:-/dev/null}")"
 LAUNCHER="${LAUNCHER:-mpirun -n $ranks --map-by slot:PE=$RAYON_NUM_THREADS --bind-to core}"
 
 code=0
-run_part "$output" "$scene" ${arguments[@]+"${arguments[@]}"} --set "limits.wall=$wall" || code=$?
-if [ "$code" -eq 5 ] && [ -n "${PBS_JOBID:-}" ]; then
+run_part "$output" "$scene" ${arguments[@]+"${arguments[@]}"} || code=$?
+# Whoever stopped the run by hand, with the file OUTPUT.stop, wants it to stay so.
+if [ "$code" -eq 5 ] && [ "$SECONDS" -ge "$((wall - 5))" ] && [ -n "${PBS_JOBID:-}" ]; then
     echo "demhybrid: submitted again"
-    qsub -v "SCENE=$scene,OUTPUT=$output,WALL=$wall,DEMHYBRID_SETUP=${DEMHYBRID_SETUP:-}" launch/pbs.sh
+    # With the resources of this job; a site may want more, such as an account.
+    qsub -l "select=$(asked Resource_List.select)" -l "walltime=$(asked Resource_List.walltime)" -q "$(asked queue)" \
+        -v "SCENE=$scene,OUTPUT=$output,WALL=$wall,DEMHYBRID_SETUP=${DEMHYBRID_SETUP:-},DEMHYBRID_HOME=${DEMHYBRID_HOME:-$PWD}" \
+        "${DEMHYBRID_HOME:-$PWD}/launch/pbs.sh"
 fi
 exit "$code"

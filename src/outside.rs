@@ -4,16 +4,20 @@ use crate::checkpoint;
 use crate::scene::Scene;
 use crate::wish::Wish;
 use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
-use signal_hook::flag;
+use signal_hook::iterator::Signals;
+use signal_hook::low_level::emulate_default_handler;
 use std::cell::Cell;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// Signals that stop a run: those that people and batch systems send.
 const SIGNALS: [i32; 3] = [SIGTERM, SIGINT, SIGUSR1];
+/// A signal that comes so long after the first one ends the process.
+const IMPATIENCE: Duration = Duration::from_secs(1);
 /// How often the stop file is looked for: a look takes long on a shared file system.
 const LOOK: Duration = Duration::from_millis(200);
 
@@ -34,15 +38,27 @@ pub struct Outside {
 
 impl Outside {
     /// Of a run of `scene` that writes to `output` and whose clock was `started`. From now on signals do not end the
-    /// process any more, but the second one does.
+    /// process any more, but one that comes a second later does.
     pub fn listen(scene: &Scene, output: &Path, rank: usize, started: Instant) -> io::Result<Self> {
-        let (signal, second) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)));
-        for number in SIGNALS {
-            // In this order: the first one arms what the second one meets.
-            flag::register_conditional_default(number, Arc::clone(&second))?;
-            flag::register(number, Arc::clone(&second))?;
-            flag::register_usize(number, Arc::clone(&signal), number as usize)?;
-        }
+        let signal = Arc::new(AtomicUsize::new(0));
+        let (mut signals, heard) = (Signals::new(SIGNALS)?, Arc::clone(&signal));
+        // One request may come as several signals at once, from the batch system and from mpirun.
+        thread::Builder::new().name("signals".into()).spawn(move || {
+            let mut first = None;
+            for number in signals.forever() {
+                match first {
+                    None => {
+                        first = Some(Instant::now());
+                        heard.store(number as usize, Ordering::Relaxed);
+                    }
+                    Some(then) if then.elapsed() >= IMPATIENCE => {
+                        // It ends the process, unless the system does not allow even that.
+                        let _ = emulate_default_handler(number);
+                    }
+                    Some(_) => {}
+                }
+            }
+        })?;
         Ok(Outside { signal, ..Outside::deaf(scene, output, rank, started) })
     }
 

@@ -186,6 +186,8 @@ pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     /// When the particles are at rest, and what was seen of them so far.
     stop: Option<Stop>,
     watched: rest::Watched,
+    /// Whether a step has been accepted in this process.
+    moved_on: bool,
     /// The run as it was before the last trial.
     memory: Option<Memory>,
     /// Simulated time between checkpoints, s; infinite if only others ask for them.
@@ -285,6 +287,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             output_seconds: 0.0,
             stop: scene.stop.clone(),
             watched: rest::Watched::default(),
+            moved_on: false,
             memory: None,
             checkpoint_interval: checkpoint.and_then(|keys| keys.interval).unwrap_or(f64::INFINITY),
             checkpoints: checkpoint.is_some(),
@@ -323,9 +326,6 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             self.frame = 1;
         }
         'steps: loop {
-            if let Some(by) = self.at_rest_by() {
-                return self.end_at_rest(by, observer);
-            }
             let step = self.find_step()?;
             if self.save_if_asked(observer)? {
                 return Ok(self.outcome());
@@ -352,15 +352,20 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
                 self.frame += 1;
             }
             self.count(step)?;
-            if self.frame_time(self.frame) <= reached {
-                let state = std::mem::take(&mut self.trial.next);
-                let dissipated = [0, 1].map(|k| self.dissipated[k] + self.trial.lost[k]);
-                self.show(reached, &state, dissipated, observer)?;
-                self.trial.next = state;
+            let shown = self.frame_time(self.frame) <= reached;
+            if shown {
+                self.show_result(reached, observer)?;
                 if reached >= self.t_end {
                     return self.end(observer);
                 }
                 self.frame += 1;
+            }
+            if let Some(by) = self.at_rest_by(reached) {
+                if !shown {
+                    self.show_result(reached, observer)?;
+                }
+                let outcome = self.end(observer)?;
+                return Ok(Outcome { time: reached, at_rest_by: Some(by), ..outcome });
             }
             self.accept(reached, step.limit);
             self.dynamics.commit(extremes);
@@ -496,6 +501,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         std::mem::swap(&mut anchor.y, &mut trial.next);
         std::mem::swap(&mut anchor.slope, &mut trial.slope);
         (anchor.t, anchor.slope_known, anchor.losses) = (t, trial.slope_known, trial.losses);
+        self.moved_on = true;
         crate::ode::add_losses(&mut self.dissipated, 1.0, &trial.lost);
         self.integrator.accepted(self.last, limit);
     }

@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::particle::{Motion, Spin, Vec3};
 use crate::simulation::Remembered;
 use crc32fast::Hasher;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io;
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
@@ -16,7 +16,12 @@ use std::path::Path;
 
 /// What is in `path`, as far as its head and its length tell; or what is wrong with it. None if there is no such file.
 pub fn look(path: &Path) -> Option<Result<Header, String>> {
-    match File::open(path) {
+    // Only a file can be one: whoever opens a pipe waits.
+    let opened = fs::metadata(path).and_then(|found| match found.is_file() {
+        true => File::open(path),
+        false => Err(io::Error::other("it is not a regular file")),
+    });
+    match opened {
         Err(why) if why.kind() == io::ErrorKind::NotFound => None,
         Err(why) => Some(Err(format!("{}: {why}", path.display()))),
         Ok(file) => Some(head(&file).map(|(header, _)| header).map_err(|why| complaint(path, &why))),
@@ -68,6 +73,9 @@ pub fn read<W: Spin>(comm: &dyn Comm, path: &Path) -> Result<(Header, Remembered
     agree(comm, read().map_err(|why: String| Error::Input(complaint(path, &why))))
 }
 
+/// Ranks that may have written a file.
+const MOST_PARTS: u64 = 1 << 20;
+
 fn complaint(path: &Path, why: &str) -> String {
     format!("{} is not a checkpoint that can be used: {why}", path.display())
 }
@@ -96,7 +104,7 @@ fn head(file: &File) -> Result<(Header, Layout), String> {
     let header: Header =
         postcard::from_bytes(&encoded).map_err(|why| format!("its head is not readable: {why}"))?;
     // So many bytes at least; beyond, sums could overflow.
-    if header.count > there / 48 || parts > there / PART {
+    if header.count > there / 48 || parts > (there / PART).min(MOST_PARTS) {
         return Err(format!("it is cut off: {} particles in a file of {there} bytes", header.count));
     }
     let layout = Layout::new(&header, length, parts);

@@ -206,6 +206,13 @@ fn a_run_that_looks_out_for_rest_is_the_same_until_it_ends_and_so_is_its_second_
     assert!(film.0.len() < whole.0.len());
     film.0.extend(part(&stops, 2, &path, true, u64::MAX).0);
     assert_eq!(film, whole);
+    // The checkpoint of the end leads to the same end again.
+    let saves =
+        scene(&[FRICTION, "stop={ unbalanced_force = 0.5, window = 0.02 }", "checkpoint.interval=100"]);
+    assert_eq!(part(&saves, 2, &path, false, u64::MAX), whole);
+    let again = part(&saves, 1, &path, true, u64::MAX);
+    assert!(!again.0.is_empty());
+    assert_eq!(again.0, whole.0[whole.0.len() - again.0.len()..]);
 }
 
 #[test]

@@ -23,30 +23,49 @@ pub fn write<W: Spin>(
     header: &Header,
     snapshot: &Snapshot<W>,
 ) -> Result<(), Error> {
-    let failure =
-        |why: io::Error| Error::Checkpoint { file: path.display().to_string(), why: why.to_string() };
     let unfinished = beside(path, "tmp");
     let encoded = postcard::to_stdvec(header).expect("a header holds numbers and texts");
     let parts = comm.size() as u64;
     let layout = Layout::new(header, encoded.len() as u64, parts);
     let created = if comm.rank() == 0 { create(&unfinished, &encoded, &layout) } else { Ok(()) };
-    agree(comm, created.map_err(failure))?;
+    let created = agree(comm, created.map_err(|why| failure(path, &why)));
+    let written = created.and_then(|()| fill(comm, path, &unfinished, &layout, snapshot));
+    if written.is_err() && comm.rank() == 0 {
+        // If that fails as well, the next checkpoint replaces it.
+        let _ = fs::remove_file(&unfinished);
+    }
+    written
+}
+
+fn failure(path: &Path, why: &io::Error) -> Error {
+    Error::Checkpoint { file: path.display().to_string(), why: why.to_string() }
+}
+
+/// Writes what comes after the head, and gives the file its name. Collective.
+fn fill<W: Spin>(
+    comm: &dyn Comm,
+    path: &Path,
+    unfinished: &Path,
+    layout: &Layout,
+    snapshot: &Snapshot<W>,
+) -> Result<(), Error> {
+    let failure = |why: io::Error| failure(path, &why);
     let rows = rows::block(snapshot.count, comm.rank(), comm.size());
-    let written = write_block(comm, &unfinished, &layout, &rows, snapshot);
+    let written = write_block(comm, unfinished, layout, &rows, snapshot);
     let checksum = agree(comm, written.map_err(failure))?;
     let mut checksums = vec![0.0; comm.size()];
     comm.all_gather(&[f64::from(checksum)], &mut checksums);
     let finished = if comm.rank() == 0 {
         let part = |(rank, &sum): (usize, &f64)| (rows::block(snapshot.count, rank, comm.size()), sum as u32);
         let table = file::table(&checksums.iter().enumerate().map(part).collect::<Vec<_>>());
-        finish(&unfinished, path, &layout, &table)
+        finish(unfinished, path, layout, &table)
     } else {
         Ok(())
     };
     agree(comm, finished.map_err(failure))
 }
 
-/// The unfinished file with its head, at its full length: a disk that is too small should say so early.
+/// The unfinished file with its head, at its full length.
 fn create(path: &Path, header: &[u8], layout: &Layout) -> io::Result<()> {
     let file = File::create(path)?;
     file.set_len(layout.length())?;

@@ -18,7 +18,8 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
         return refuse("the name is not UTF-8 text, which HDF5 needs; choose another name".to_string());
     }
     let absolute = match std::path::absolute(path) {
-        Ok(absolute) => absolute,
+        // Behind a link: what belongs to the file, such as its checkpoints, is beside the file.
+        Ok(absolute) => absolute.canonicalize().unwrap_or(absolute),
         Err(why) => return refuse(format!("not a path ({why}); give the name of a file to write")),
     };
     let (Some(folder), false) = (absolute.parent(), ends_in_separator(path)) else {

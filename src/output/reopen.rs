@@ -23,8 +23,8 @@ pub struct Found {
     pub completed: bool,
     /// Complete frames.
     pub frames: u64,
-    /// Time of the last complete frame, s; 0 where there is none.
-    pub time: f64,
+    /// Their times, s.
+    pub times: Vec<f64>,
     /// Particles; 0 where there is no frame.
     pub count: u64,
 }
@@ -49,15 +49,15 @@ pub fn inspect(path: &Path) -> Result<Found, String> {
     let ids = file.dataset("VTKHDF/PointData/id").map_err(foreign)?;
     let frames = u64::try_from(frames).map_err(|_| format!("it claims {frames} frames"))?;
     let times: Vec<f64> = steps.dataset("Values").and_then(|times| times.read_raw()).map_err(foreign)?;
-    let time = match frames.checked_sub(1) {
-        None => 0.0,
-        Some(last) => *times.get(last as usize).ok_or("it holds fewer frames than it claims")?,
-    };
+    let times = times.get(..frames as usize).ok_or("it holds fewer frames than it claims")?.to_vec();
+    if !times.iter().all(|time| time.is_finite()) {
+        return Err("a frame of it has no finite time".into());
+    }
     Ok(Found {
         scene,
         completed: completed == 1,
         frames,
-        time,
+        times,
         count: ids.shape().first().copied().unwrap_or(0) as u64,
     })
 }

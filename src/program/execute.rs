@@ -23,8 +23,8 @@ use std::path::Path;
 pub(super) enum Beginning<'a> {
     /// At its start, in a new file.
     Start,
-    /// At its start, in a file that has the first frame already.
-    Again,
+    /// At its start, in a file that has the first `frames` frames already.
+    Again { frames: u64 },
     /// At the checkpoint in this file, which has been verified.
     Checkpoint(&'a Path),
 }
@@ -69,14 +69,17 @@ impl Execution<'_> {
     ) -> Result<Ready<Simulation<'c, R, T, W>>, Error> {
         let (scene, start) = (self.scene, self.start);
         match self.beginning {
-            Beginning::Start | Beginning::Again => {
+            Beginning::Start | Beginning::Again { .. } => {
                 let count = start.x.len() as u64;
                 Ok(Ready {
                     simulation: Simulation::new(scene, start, law, comm)?,
                     count,
                     velocity_scale: start::velocity_scale(scene, start),
                     course: Course { count, ..Course::default() },
-                    frames: u64::from(matches!(self.beginning, Beginning::Again)),
+                    frames: match self.beginning {
+                        Beginning::Again { frames } => frames,
+                        _ => 0,
+                    },
                     next: 0,
                     serial: 0,
                     wall_seconds: 0.0,
@@ -132,11 +135,12 @@ impl Execution<'_> {
     ) -> Result<Output<'c>, Error> {
         let (scene, place) = (self.scene, self.place);
         if let Beginning::Start = self.beginning {
+            let block = rows::block(count, comm.rank(), comm.size());
+            let created = Output::create(comm, place, info, count, scene.particles.radius, rotation, block)?;
             if comm.rank() == 0 {
                 checkpoint::clear(place);
             }
-            let block = rows::block(count, comm.rank(), comm.size());
-            return Output::create(comm, place, info, count, scene.particles.radius, rotation, block);
+            return Ok(created);
         }
         share(comm, || {
             let unusable = |why| {

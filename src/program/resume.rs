@@ -36,6 +36,7 @@ struct Slot {
     steps: u64,
     count: u64,
     instruction_set: String,
+    version: String,
 }
 
 /// Takes up the run that wrote `file`. Collective.
@@ -66,10 +67,11 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
             let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
             let start = start_of(comm, &scene, &place, frames, count)?;
             tell(&format!(
-                "demhybrid: there is no checkpoint of {} yet: the run begins again at t = 0 s",
+                "demhybrid: there is no checkpoint of {} yet: the run begins again at t = 0 s; the {frames} frames that it \
+                 holds stay",
                 file.display()
             ));
-            let beginning = if frames > 0 { Beginning::Again } else { Beginning::Start };
+            let beginning = if frames > 0 { Beginning::Again { frames } } else { Beginning::Start };
             simulation::dispatch(
                 &scene,
                 Execution {
@@ -102,6 +104,14 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
                     "warning: the checkpoint was made with the instruction set {}, and this machine works with {now}: \
                      the last digits may differ from those of a run that was never stopped",
                     slot.instruction_set
+                ));
+            }
+            if slot.version != env!("CARGO_PKG_VERSION") {
+                tell(&format!(
+                    "warning: the checkpoint was made by version {} of the program, and this is {}: the last digits may differ \
+                     from those of a run that was never stopped",
+                    slot.version,
+                    env!("CARGO_PKG_VERSION")
                 ));
             }
             let beginning = Beginning::Checkpoint(&slot.path);
@@ -140,10 +150,11 @@ fn plan(place: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Pla
         Scene::parse("", &found.scene, &[]).map_err(|why| format!("its scene is broken: {why}"))?;
     let asked = scene_of(place, &found.scene, sets)?;
     if found.completed && asked.t_end == recorded.t_end {
-        return Ok(Plan::Nothing { t: found.time });
+        return Ok(Plan::Nothing { t: found.times.last().copied().unwrap_or(0.0) });
     }
     if heads.is_empty() {
-        return Ok(Plan::Again { scene: found.scene, frames: found.frames, count: found.count });
+        let frames = frames_to_keep(&found, &asked);
+        return Ok(Plan::Again { scene: found.scene, frames, count: found.count });
     }
     let (mut sound, mut complaints): (Vec<(Header, PathBuf)>, _) = (Vec::new(), Vec::new());
     for (head, path) in heads {
@@ -167,8 +178,17 @@ fn plan(place: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Pla
         steps: header.memory.counts.accepted,
         count: header.count,
         instruction_set: header.instruction_set.clone(),
+        version: header.version.clone(),
     };
     Ok(Plan::Continue { scene: found.scene, slots: sound.iter().map(slot).collect() })
+}
+
+/// Frames that the run will make again to the same bits, and that stay as they are: all but that of an end that is the
+/// end no more.
+fn frames_to_keep(found: &Found, asked: &Scene) -> u64 {
+    let interval = asked.output.interval.unwrap_or(asked.t_end / 100.0);
+    let times = found.times.iter().enumerate();
+    times.take_while(|&(k, &time)| time == k as f64 * interval || time == asked.t_end).count() as u64
 }
 
 /// Whether a checkpoint belongs to the run in the file, of the scene `recorded`.

@@ -113,7 +113,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             largest_overlap: memory.largest_overlap,
             frame: memory.frame,
             watched: memory.watched,
-            memory: Some(memory),
+            saved: memory.t,
+            memory: None,
             ..Simulation::at_rest(scene, comm, dynamics, norm, control)
         };
         simulation.integrator.recall(&memory.integrator);

@@ -1,11 +1,10 @@
 //! Whether a bed has come to rest, as `[stop]` of the scene defines it.
 //!
-//! Looked at in accepted states, about ten times a window of simulated time, so that no bit of the motion depends on it: a
+//! Looked at in states that stand, about ten times a window of simulated time, so that no bit of the motion depends on it: a
 //! criterion is met when it has held in every such state for a whole window.
 
-use super::{Observer, Outcome, Simulation};
+use super::Simulation;
 use crate::contact::{Rebound, Tangential};
-use crate::error::Error;
 use crate::ode::Ivp;
 use crate::particle::{Motion, Spin};
 use crate::scene::Stop;
@@ -71,16 +70,16 @@ impl Watched {
 }
 
 impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
-    /// The criterion by which the bed is at rest in the last accepted state, if it is. Collective.
-    pub(super) fn at_rest_by(&mut self) -> Option<&'static str> {
-        let stop = self.stop.clone()?;
-        let t = self.anchor.t;
+    /// The criterion by which the bed is at rest at the end of the trial, time `t` (s), if it is. What is remembered for a
+    /// checkpoint was remembered before: who takes it up looks again. Collective.
+    pub(super) fn at_rest_by(&mut self, t: f64) -> Option<&'static str> {
         if t < self.watched.next {
             return None;
         }
-        let state = std::mem::take(&mut self.anchor.y);
+        let stop = self.stop.clone()?;
+        let state = std::mem::take(&mut self.trial.next);
         let look = self.look(&stop, t, &state);
-        self.anchor.y = state;
+        self.trial.next = state;
         self.watched.see(&stop, t, &look)
     }
 
@@ -89,38 +88,17 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         let count = self.dynamics.count() as f64;
         let kinetic_energy = stop.kinetic_energy.map(|_| self.dynamics.kinetic_energy(state) / count);
         let unbalanced_force = stop.unbalanced_force.map(|_| {
-            // The trial is over; its room is free. The slope of the anchor, if it is known, may be an older one.
-            let mut slope = std::mem::take(&mut self.trial.slope);
-            slope.resize(state.len(), crate::ode::Linear::zero());
+            // The slope at the end of the trial, if it is known, may be one of older lists, and is needed as it is.
+            let mut slope = vec![crate::ode::Linear::zero(); state.len()];
             self.dynamics.rhs(t, state, &mut slope);
             self.counts.rhs += 1;
-            let ratio = self.dynamics.unbalanced_force(state, &slope);
-            self.trial.slope = slope;
-            ratio
+            self.dynamics.unbalanced_force(state, &slope)
         });
         Look {
             kinetic_energy: kinetic_energy.unwrap_or(f64::INFINITY),
             unbalanced_force: unbalanced_force.unwrap_or(f64::INFINITY),
             height: self.dynamics.bed_height(state),
         }
-    }
-
-    /// Ends the run in the last accepted state, at rest by a criterion: with a frame of it. Collective.
-    pub(super) fn end_at_rest(
-        mut self,
-        by: &'static str,
-        observer: &mut dyn Observer<W>,
-    ) -> Result<Outcome, Error> {
-        let t = self.anchor.t;
-        if self.frame_time(self.frame - 1) < t {
-            let state = std::mem::take(&mut self.anchor.y);
-            self.show(t, &state, self.dissipated, observer)?;
-            self.anchor.y = state;
-        }
-        if self.checkpoints {
-            self.save(observer)?;
-        }
-        Ok(Outcome { time: t, at_rest_by: Some(by), stopped: None, ..self.outcome() })
     }
 }
 

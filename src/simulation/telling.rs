@@ -12,7 +12,11 @@ use std::time::Instant;
 impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
     /// Writes a checkpoint where one is due or wished for. Returns whether the run is to stop there. Collective.
     pub(super) fn save_if_asked(&mut self, observer: &mut dyn Observer<W>) -> Result<bool, Error> {
-        let wish = self.dynamics.wish();
+        let wish = match self.dynamics.wish() {
+            // A process that stopped before its first step, part after part, would never come to an end.
+            Wish::WallLimit | Wish::StopFile if !self.moved_on => Wish::Nothing,
+            wish => wish,
+        };
         let passed = |t: f64| (t / self.checkpoint_interval).floor();
         if wish != Wish::Nothing || passed(self.anchor.t) > passed(self.saved) {
             self.save(observer)?;
@@ -37,6 +41,15 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         })?;
         self.saved = anchor.t;
         self.output_seconds += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Hands the result of the trial, at time `t` (s), to the observer. Collective.
+    pub(super) fn show_result(&mut self, t: f64, observer: &mut dyn Observer<W>) -> Result<(), Error> {
+        let state = std::mem::take(&mut self.trial.next);
+        let dissipated = [0, 1].map(|k| self.dissipated[k] + self.trial.lost[k]);
+        self.show(t, &state, dissipated, observer)?;
+        self.trial.next = state;
         Ok(())
     }
 
