@@ -5,6 +5,8 @@ pub mod contacts;
 pub mod flat;
 pub mod region;
 pub mod structure;
+#[cfg(test)]
+pub mod testing;
 pub mod union;
 
 use crate::particle::Vec3;

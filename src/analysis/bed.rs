@@ -127,6 +127,7 @@ pub fn bed_region(scene: &Scene, x: &[Vec3]) -> Option<(Vec3, Vec3)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::analysis::testing::boxed;
     use rand::{RngExt, SeedableRng};
     use std::f64::consts::PI;
 
@@ -251,21 +252,6 @@ mod tests {
         assert_eq!(mean_coordination_number(&x, R), 6.0 * 19.0 / 20.0);
     }
 
-    fn scene(min: &str, max: &str) -> Scene {
-        let text = format!(
-            "t_end = 8
-             particles = {{ radius = 0.1, file = 'start.csv' }}
-             container.box = {{ min = {min}, max = {max} }}
-             [contact]
-             repulsion_at_contact = 10
-             stiffness_exponent = 150
-             restitution = 0.4
-             dissipation_focusing = 10
-             interaction_distance = 0.1"
-        );
-        Scene::parse("bed.toml", &text, &[]).unwrap()
-    }
-
     /// Centres at equal distances in height, from 0 to `top`.
     fn up_to(top: f64) -> Vec<Vec3> {
         (0..=100).map(|k| Vec3::new(0.5, 0.5, top * k as f64 / 100.0)).collect()
@@ -273,16 +259,16 @@ mod tests {
 
     #[test]
     fn a_deep_bed_is_measured_in_the_cube_on_its_floor() {
-        let unit = scene("[0, 0, 0]", "[1, 1, inf]");
+        let unit = boxed("[0, 0, 0]", "[1, 1, inf]");
         assert_eq!(bed_region(&unit, &up_to(1.3)), Some((Vec3::zeros(), Vec3::repeat(1.0))));
-        let oblong = scene("[-1, 2, -3]", "[1, 2.5, 7]");
+        let oblong = boxed("[-1, 2, -3]", "[1, 2.5, 7]");
         let low = Vec3::new(-1.0, 2.0, -3.0);
         assert_eq!(bed_region(&oblong, &up_to(5.0)), Some((low, Vec3::new(1.0, 2.5, -2.5))));
     }
 
     #[test]
     fn a_shallow_bed_is_measured_up_to_three_quarters_of_its_centres() {
-        let unit = scene("[0, 0, 0]", "[1, 1, inf]");
+        let unit = boxed("[0, 0, 0]", "[1, 1, inf]");
         let (low, high) = bed_region(&unit, &up_to(0.8)).unwrap();
         assert_eq!((low, high.xy()), (Vec3::zeros(), Vec3::repeat(1.0).xy()));
         assert!((high.z - 0.6).abs() < 1e-15);
@@ -297,9 +283,9 @@ mod tests {
             ("[0, 0, 0]", "[inf, 1, inf]"),
             ("[0, 0, 0]", "[1, inf, inf]"),
         ] {
-            assert_eq!(bed_region(&scene(min, max), &up_to(2.0)), None);
+            assert_eq!(bed_region(&boxed(min, max), &up_to(2.0)), None);
         }
-        let unit = scene("[0, 0, 0]", "[1, 1, inf]");
+        let unit = boxed("[0, 0, 0]", "[1, 1, inf]");
         assert_eq!(bed_region(&unit, &up_to(-2.0)), None);
         assert_eq!(bed_region(&unit, &[]), None);
         let mut without = unit.clone();

@@ -115,21 +115,7 @@ pub fn rattlers(count: usize, contacts: &[Contact], fewest: usize) -> Vec<bool> 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn scene(more: &str) -> Scene {
-        let text = format!(
-            "t_end = 8
-             {more}
-             particles = {{ radius = 0.1, file = 'start.csv' }}
-             [contact]
-             repulsion_at_contact = 10
-             stiffness_exponent = 150
-             restitution = 0.4
-             dissipation_focusing = 10
-             interaction_distance = 0.1"
-        );
-        Scene::parse("bed.toml", &text, &[]).unwrap()
-    }
+    use crate::analysis::testing::scene;
 
     fn at_rest(x: Vec<[f64; 3]>) -> State {
         State { frame: 0, time: 0.0, v: vec![[0.0; 3]; x.len()], x, omega: None }

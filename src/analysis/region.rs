@@ -33,32 +33,18 @@ pub fn container_box(scene: &Scene, x: &[Vec3]) -> (Vec3, Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn scene(min: &str, max: &str) -> Scene {
-        let text = format!(
-            "t_end = 8
-             particles = {{ radius = 0.1, file = 'start.csv' }}
-             container.box = {{ min = {min}, max = {max} }}
-             [contact]
-             repulsion_at_contact = 10
-             stiffness_exponent = 150
-             restitution = 0.4
-             dissipation_focusing = 10
-             interaction_distance = 0.1"
-        );
-        Scene::parse("bed.toml", &text, &[]).unwrap()
-    }
+    use crate::analysis::testing::boxed;
 
     #[test]
     fn open_sides_end_with_the_spheres() {
         let x = [Vec3::new(0.3, 0.4, 0.5), Vec3::new(0.6, 0.2, 0.9)];
-        let (low, high) = container_box(&scene("[0, 0, 0]", "[1, 2, inf]"), &x);
+        let (low, high) = container_box(&boxed("[0, 0, 0]", "[1, 2, inf]"), &x);
         assert_eq!((low, high), (Vec3::zeros(), Vec3::new(1.0, 2.0, 1.0)));
-        let (low, high) = container_box(&scene("[-inf, 0, -inf]", "[1, inf, inf]"), &x);
+        let (low, high) = container_box(&boxed("[-inf, 0, -inf]", "[1, inf, inf]"), &x);
         assert!((low - Vec3::new(0.2, 0.0, 0.4)).amax() < 1e-15, "{low}");
         assert!((high - Vec3::new(1.0, 0.5, 1.0)).amax() < 1e-15, "{high}");
         // All below the floor.
-        let (low, high) = container_box(&scene("[0, 0, 7]", "[1, 1, inf]"), &x);
+        let (low, high) = container_box(&boxed("[0, 0, 7]", "[1, 1, inf]"), &x);
         assert_eq!((low.z, high.z), (7.0, 7.2));
     }
 }

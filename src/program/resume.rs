@@ -55,6 +55,10 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
         }
     };
     warnings.iter().for_each(|warning| tell(warning));
+    let execute = |scene: &Scene, start: &Start, beginning: Beginning| {
+        let place = &place;
+        simulation::dispatch(scene, Execution { ground, name: file, file, place, scene, start, beginning })
+    };
     match serde_json::from_str(&plan).expect("rank 0 made it") {
         Plan::Nothing { t } => {
             tell(&format!(
@@ -72,18 +76,7 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
                 file.display()
             ));
             let beginning = if frames > 0 { Beginning::Again { frames } } else { Beginning::Start };
-            simulation::dispatch(
-                &scene,
-                Execution {
-                    ground,
-                    name: file,
-                    file,
-                    place: &place,
-                    scene: &scene,
-                    start: &start,
-                    beginning,
-                },
-            )
+            execute(&scene, &start, beginning)
         }
         Plan::Continue { scene, slots } => {
             let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
@@ -115,18 +108,7 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
                 ));
             }
             let beginning = Beginning::Checkpoint(&slot.path);
-            simulation::dispatch(
-                &scene,
-                Execution {
-                    ground,
-                    name: file,
-                    file,
-                    place: &place,
-                    scene: &scene,
-                    start: &start,
-                    beginning,
-                },
-            )
+            execute(&scene, &start, beginning)
         }
     }
 }
