@@ -12,6 +12,7 @@ use crate::simulation::{Counts, Frame, Outcome, tightening};
 use crate::start::{self, Start};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
+use std::cell::OnceCell;
 use std::fmt::Write;
 use std::io::IsTerminal;
 use std::path::Path;
@@ -144,6 +145,8 @@ pub struct Progress {
     verbose: bool,
     t_end: f64,
     started: Instant,
+    /// Time of the first frame of this process, s.
+    first: OnceCell<f64>,
 }
 
 impl Progress {
@@ -157,14 +160,24 @@ impl Progress {
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar
         });
-        Progress { bar, lines: speaks && !terminal, verbose, t_end, started: Instant::now() }
+        Progress {
+            bar,
+            lines: speaks && !terminal,
+            verbose,
+            t_end,
+            started: Instant::now(),
+            first: OnceCell::new(),
+        }
     }
 
     /// A frame was written.
     pub fn frame<W>(&self, frame: &Frame<W>) {
         let Counts { accepted, rhs, .. } = frame.counts;
+        let elapsed = self.started.elapsed().as_secs_f64();
+        let rate = (frame.time - self.first.get_or_init(|| frame.time)) / elapsed.max(1e-9);
         let text = format!(
-            "t = {:.4} s of {} s, step {:.2e} s, {accepted} steps, {rhs} right-hand sides, kinetic energy {:.3e} J",
+            "t = {:.4} s of {} s, {rate:.2e} s a second, step {:.2e} s, {accepted} steps, {rhs} right-hand sides, kinetic \
+             energy {:.3e} J",
             frame.time, self.t_end, frame.step, frame.kinetic_energy
         );
         let more = || {
