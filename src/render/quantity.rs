@@ -130,20 +130,14 @@ fn for_each_contact(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::analysis::testing;
 
     /// Two spheres of radius 0.1 m, the lower one 0.01 m deep in the floor, the upper one 0.02 m deep in the lower.
     fn pair() -> (Scene, State) {
-        let scene = "t_end = 1
-             gravity = [0, 0, -9.81]
-             particles = { radius = 0.1, file = 'start.csv' }
-             container.box = { min = [0, 0, 0], max = [inf, inf, inf] }
-             [contact]
-             repulsion_at_contact = 10
-             stiffness_exponent = 150
-             restitution = 0.4
-             dissipation_focusing = 10
-             interaction_distance = 0.1";
-        let scene = Scene::parse("pair.toml", scene, &[]).unwrap();
+        let scene = testing::scene(
+            "gravity = [0, 0, -9.81]
+             container.box = { min = [0, 0, 0], max = [inf, inf, inf] }",
+        );
         let x = vec![[1.0, 1.0, 0.09], [1.0, 1.0, 0.27]];
         let v = vec![[0.0; 3], [3.0, 0.0, 4.0]];
         (scene, State { frame: 0, time: 0.0, x, v, omega: Some(vec![[0.0; 3], [0.0, -2.0, 0.0]]) })

@@ -47,7 +47,8 @@ const KEYS: &[&str] = &[
     "friction.rotation", "solver", "solver.method", "solver.tolerance", "solver.norm",
     "solver.velocity_scale", "solver.step", "solver.initial_step", "solver.min_step", "solver.max_step",
     "output", "output.file", "output.interval", "output.energy", "checkpoint", "checkpoint.interval",
-    "checkpoint.wall", "limits", "limits.wall", "x", "particles.x", "t_end.x", "contact.resitution",
+    "checkpoint.wall", "limits", "limits.wall", "stop", "stop.unbalanced_force", "stop.kinetic_energy",
+    "stop.height_change", "stop.window", "x", "particles.x", "t_end.x", "contact.resitution",
     "container.wall.normal", "a.b.c.d.e", "", "..", "\"quoted\"",
 ];
 
