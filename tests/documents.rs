@@ -145,7 +145,8 @@ fn items(text: &str) -> Result<Vec<Item>, String> {
 fn commands(block: &[&str]) -> Vec<Item> {
     let mut found: Vec<String> = Vec::new();
     let mut goes_on = false;
-    for line in block.iter().map(|line| line.trim()).filter(|line| !line.is_empty() && !line.starts_with('#')) {
+    for line in block.iter().map(|line| line.trim()).filter(|line| !line.is_empty() && !line.starts_with('#'))
+    {
         let (line, more) = line.strip_suffix('\\').map_or((line, false), |line| (line, true));
         match found.last_mut() {
             Some(last) if goes_on => *last += line,

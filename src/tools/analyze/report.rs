@@ -95,7 +95,8 @@ mod tests {
 
     #[test]
     fn long_fractions_are_shortened_and_words_are_not() {
-        let shown = ["0.5081463480000002", "3964", "0.1.0", "12e34.5f", "inf"].map(|text| brief(text.to_owned()));
+        let shown =
+            ["0.5081463480000002", "3964", "0.1.0", "12e34.5f", "inf"].map(|text| brief(text.to_owned()));
         assert_eq!(shown[1..], ["3964", "0.1.0", "12e34.5f", "inf"]);
         assert!(shown[0].starts_with("0.508146") && shown[0].len() < 10, "{}", shown[0]);
     }
