@@ -21,6 +21,23 @@ fn browse(folder: &Path, page: &Path, more: &[&str]) -> (String, String) {
     (ended.stdout, ended.stderr)
 }
 
+/// Hosts that the page asked for, by the browser's log of the network; the browser's own questions to its maker apart.
+fn asked_for(folder: &Path) -> Vec<String> {
+    let log = fs::read_to_string(folder.join("net.json")).unwrap();
+    assert!(log.contains("\"constants\""), "no log of the network");
+    let mut hosts: Vec<String> = log
+        .split("\"url\":\"http")
+        .skip(1)
+        .filter_map(|rest| rest.split("://").nth(1)?.split(['/', '"', ':', '?']).next().map(str::to_owned))
+        .filter(|host| {
+            !["google.com", "googleapis.com", "gvt1.com"].iter().any(|maker| host.ends_with(maker))
+        })
+        .collect();
+    hosts.sort();
+    hosts.dedup();
+    hosts
+}
+
 /// Messages of the page: errors of scripts, styles and resources.
 fn of_console(stderr: &str) -> Vec<&str> {
     stderr.lines().filter(|line| line.contains(":CONSOLE")).collect()
@@ -43,16 +60,15 @@ fn the_report_opens_in_a_browser_without_errors_and_without_a_network() {
         let inside = figure.split("</figure>").next().unwrap();
         assert!(inside.contains("<svg") && inside.contains("<polyline"), "{inside:.300}");
     }
-    assert!(dom.contains("aria-label=\"the bed from the front\"") && dom.contains("volume fraction of the union"));
+    assert!(
+        dom.contains("aria-label=\"the bed from the front\"") && dom.contains("volume fraction of the union")
+    );
     assert!(dom.trim_end().ends_with("</html>"), "{}", &dom[dom.len().saturating_sub(200)..]);
     // Nothing is fetched but the page itself: no element names a resource.
     for attribute in [" src=", " href=", "url(http", "@import", "<script", "<link", "<iframe"] {
         assert!(!dom.contains(attribute), "{attribute} in the page");
     }
-    let net = fs::read_to_string(folder.path().join("net.json")).unwrap();
-    let name = page.file_name().unwrap().to_str().unwrap();
-    assert!(net.contains("constants"), "no log of the network");
-    println!("the page {name}: {} bytes of network log", net.len());
+    assert_eq!(asked_for(folder.path()), [""; 0]);
 
     browse(folder.path(), &page, &["--hide-scrollbars", "--window-size=1280,3600", "--screenshot=shot.png"]);
     let shot = fs::File::open(folder.path().join("shot.png")).unwrap();
@@ -70,7 +86,8 @@ fn the_report_opens_in_a_browser_without_errors_and_without_a_network() {
 fn what_is_looked_for_is_seen_on_a_page_with_mistakes() {
     let folder = TempDir::new().unwrap();
     let page = folder.path().join("bad.html");
-    fs::write(&page, "<!DOCTYPE html><html><body><script>throw new Error('seen')</script></body></html>").unwrap();
+    fs::write(&page, "<!DOCTYPE html><html><body><script>throw new Error('seen')</script><img src='http://example.invalid/a.png'></body></html>").unwrap();
     let (_, complaints) = browse(folder.path(), &page, &["--dump-dom"]);
     assert!(of_console(&complaints).iter().any(|line| line.contains("seen")), "{complaints}");
+    assert_eq!(asked_for(folder.path()), ["example.invalid"]);
 }
