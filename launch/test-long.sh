@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # The long checks: the paper's beds with their volume fractions and step counts, the user time of both on one core,
-# 20 000 particles on 2 ranks, exports in LAMMPS and OVITO, the report in
-# chromium, README and tutorials as they stand, the book, and ten minutes of fuzzing. Takes 35 to 50 minutes on 2 cores; prints the figures, fails where one is out of its bounds.
+# 20 000 particles on 2 ranks, exports in LAMMPS and OVITO, the report in chromium, README and tutorials as they stand, the
+# book, and ten minutes of fuzzing. Takes 35 to 50 minutes on 2 cores, as estimated; prints the figures, fails where one is
+# out of its bounds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 configs="$PWD/configs"
