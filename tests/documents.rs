@@ -157,14 +157,24 @@ fn commands(block: &[&str]) -> Vec<Item> {
     found.into_iter().map(Item::Command).collect()
 }
 
-/// What is done with a command: what to run, and the codes it may leave with; or nothing.
-fn plan(command: &str) -> Result<Option<(&str, &'static [i32])>, String> {
+/// What is done with a command.
+#[derive(Debug)]
+struct Plan<'a> {
+    /// What is run and the codes it may leave with; none: nothing.
+    run: Option<(&'a str, &'static [i32])>,
+    /// Why it is not run as it stands; empty where it is.
+    why: &'static str,
+}
+
+fn plan(command: &str) -> Result<Plan<'_>, String> {
+    let as_it_stands = Plan { run: Some((command, &[0])), why: "" };
     match EXCEPTIONS.iter().find(|(start, _)| command.starts_with(start)).map(|(_, fate)| fate) {
-        Some(Left(_)) => Ok(None),
-        Some(Replaced(_, other)) => Ok(Some((other, &[0]))),
-        Some(Long) => Ok(cfg!(feature = "long-tests").then_some((command, &[0]))),
-        Some(Leaves(codes)) => Ok(Some((command, codes))),
-        None if RUNNABLE.iter().any(|start| command.starts_with(start)) => Ok(Some((command, &[0]))),
+        Some(Left(why)) => Ok(Plan { run: None, why }),
+        Some(Replaced(why, other)) => Ok(Plan { run: Some((other, &[0])), why }),
+        Some(Long) if cfg!(feature = "long-tests") => Ok(as_it_stands),
+        Some(Long) => Ok(Plan { run: None, why: "takes minutes: launch/test-long.sh runs it" }),
+        Some(Leaves(codes)) => Ok(Plan { run: Some((command, codes)), why: "" }),
+        None if RUNNABLE.iter().any(|start| command.starts_with(start)) => Ok(as_it_stands),
         None => Err(format!(
             "unknown command {command:?}: tests/documents.rs must know how to run it or why it cannot"
         )),
@@ -205,10 +215,16 @@ fn follow(document: &str) -> TempDir {
     };
     for item in &items {
         match item {
-            Item::Command(command) => match plan(command).unwrap_or_else(|why| panic!("{document}: {why}")) {
-                Some((command, codes)) => run(command, codes),
-                None => println!("{document}: not run: {command}"),
-            },
+            Item::Command(command) => {
+                let Plan { run: instead, why } =
+                    plan(command).unwrap_or_else(|why| panic!("{document}: {why}"));
+                if !why.is_empty() {
+                    println!("{document}: not run as it stands ({why}): {command}");
+                }
+                if let Some((command, codes)) = instead {
+                    run(command, codes);
+                }
+            }
             Item::Scene(name, text) => {
                 fs::write(folder.path().join(name), text).unwrap();
                 run(&format!("demhybrid {name} --dry-run --set output.file=never.vtkhdf"), &[0]);
@@ -259,6 +275,6 @@ fn a_block_that_nobody_knows_is_a_mistake() {
     assert!(items("```sh\n").unwrap_err().contains("no end"));
     assert_eq!(items("```sh awaited\nx\n```\nA line\n    that is wrapped\n").unwrap(), []);
     assert!(plan("rm -rf /").unwrap_err().contains("unknown command"));
-    assert!(plan("sbatch --array=1-10 launch/slurm.sbatch bed.toml").unwrap().is_some());
-    assert!(plan("apt install x").is_err() && plan("qsub x").unwrap().is_none());
+    assert!(plan("sbatch --array=1-10 launch/slurm.sbatch bed.toml").unwrap().run.is_some());
+    assert!(plan("apt install x").is_err() && plan("qsub x").unwrap().run.is_none());
 }
