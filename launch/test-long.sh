@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # The long checks: the paper's beds with their volume fractions and step counts, the user time of both on one core,
-# 20 000 particles on 2 ranks, exports in LAMMPS and OVITO, and ten minutes of fuzzing. Takes 25 to 35 minutes on 2
-# cores; prints the figures, fails where one is out of its bounds.
+# 20 000 particles on 2 ranks, exports in LAMMPS and OVITO, the report in chromium, README and tutorials as they stand, the
+# book, and ten minutes of fuzzing. Takes 35 to 50 minutes on 2 cores, as estimated; prints the figures, fails where one is
+# out of its bounds.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 configs="$PWD/configs"
@@ -29,6 +30,20 @@ if ! target/ovito/bin/python -c 'import h5py, ovito' 2>/dev/null; then
 fi
 LAMMPS="$(command -v lmp)" OVITO_PYTHON="$PWD/target/ovito/bin/python" \
     cargo test --locked --features long-tests --test exports lammps_and_ovito
+
+echo "== the report in a browser"
+if ! command -v chromium >/dev/null; then
+    root=()
+    [ "$(id -u)" = 0 ] || root=(sudo)
+    "${root[@]}" apt-get update -q
+    "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends chromium
+fi
+CHROMIUM="$(command -v chromium)" cargo test --locked --features long-tests --test browser
+
+echo "== every command of README and tutorials, as they stand, and the book"
+cargo test --locked --features long-tests --test documents -- --nocapture --test-threads=1
+[ -x target/mdbook/bin/mdbook ] || cargo install --locked --root target/mdbook --version '^0.4' mdbook
+target/mdbook/bin/mdbook build docs
 
 echo "== fuzzing of scenes and particle files: four campaigns, with seeds that a plain test does not have"
 FUZZ_SECONDS="${FUZZ_SECONDS:-150}" FUZZ_SEED="${FUZZ_SEED:-1000}" \

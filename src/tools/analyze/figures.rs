@@ -65,7 +65,9 @@ pub fn draw(folder: &Path, run: &str, measured: &Measured) -> Result<Vec<Figure>
     }
     let labels = ["distance to the wall (m)", "porosity of the section"];
     figure("walls.svg", "porosity over the distance to upright walls", labels, false, walls)?;
-    let g = vec![points("g", &measured.radial_distribution)];
+    // A bed that is too small for the distance of two centres has none.
+    let apart = measured.radial_distribution.iter().any(|&[_, g]| g > 0.0);
+    let g = if apart { vec![points("g", &measured.radial_distribution)] } else { Vec::new() };
     figure("rdf.svg", "radial distribution function", ["distance of the centres (m)", "g"], false, g)?;
     let spheres = measured.coordination.iter().map(|&spheres| spheres as f64);
     let steps: Vec<(f64, f64)> = spheres

@@ -3,10 +3,10 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::centres;
 use super::figures::Figure;
 use super::measures::Measured;
 use super::picture::picture;
+use super::{centres, short};
 use crate::accuracy::files::cannot_write;
 use crate::error::Error;
 use crate::record::{Record, State};
@@ -17,6 +17,7 @@ h1{font-size:1.5rem;margin:0 0 .2rem}h2{font-size:1.15rem;margin:1.6rem 0 .5rem}
 .top{display:flex;flex-wrap:wrap;gap:2rem;align-items:flex-start}
 table{border-collapse:collapse}td{padding:.15rem 1.2rem .15rem 0;vertical-align:top;border-bottom:1px solid #eee}
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(420px,1fr));gap:1rem}
+.run{columns:2 420px}.run tr{break-inside:avoid}
 figure{margin:0}svg{max-width:100%;height:auto}pre{background:#f6f6f6;padding:.8rem;overflow:auto;font-size:13px}";
 
 /// Writes it into `folder`; its name.
@@ -57,11 +58,11 @@ pub fn write(
             svg.trim_start_matches("<?xml version=\"1.0\"?>").trim()
         );
     }
-    page.push_str("</div>\n<h2>Run</h2>\n");
-    page.push_str(&table(record.facts()?.into_iter()));
+    page.push_str("</div>\n<h2>Run</h2>\n<div class=\"run\">\n");
+    page.push_str(&table(record.facts()?.into_iter().map(|(name, value)| (name, brief(value)))));
     let _ = write!(
         page,
-        "<h2>Scene</h2>\n<pre>{}</pre>\n</body>\n</html>\n",
+        "</div>\n<h2>Scene</h2>\n<pre>{}</pre>\n</body>\n</html>\n",
         escaped(record.scene.resolved().trim())
     );
     let path = folder.join("report.html");
@@ -75,6 +76,14 @@ fn table(rows: impl Iterator<Item = (String, String)>) -> String {
     format!("<table>\n{}</table>\n", rows.collect::<String>())
 }
 
+/// A number with a long fraction in fewer digits; anything else as it is.
+fn brief(value: String) -> String {
+    match value.parse::<f64>() {
+        Ok(number) if value.contains('.') && value.len() > 8 && number.is_finite() => short(number),
+        _ => value,
+    }
+}
+
 /// Text that HTML takes for nothing else.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
@@ -83,6 +92,14 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_fractions_are_shortened_and_words_are_not() {
+        let shown =
+            ["0.5081463480000002", "3964", "0.1.0", "12e34.5f", "0.1"].map(|text| brief(text.to_owned()));
+        assert_eq!(shown[1..], ["3964", "0.1.0", "12e34.5f", "0.1"]);
+        assert!(shown[0].starts_with("0.508146") && shown[0].len() < 10, "{}", shown[0]);
+    }
 
     #[test]
     fn text_stays_text() {
