@@ -3,7 +3,7 @@
 use super::axis::Axis;
 use super::canvas::{Area, Canvas, Drawn, Pixel};
 use super::frame::Frame;
-use super::look::{Look, looks};
+use super::look::{Look, Mark, looks};
 use super::sheet::Sheet;
 use crate::error::Error;
 use std::path::Path;
@@ -58,7 +58,12 @@ fn draw(canvas: &Canvas, outer: Area, panel: &Bands, looks: &[Look]) -> Drawn {
         }
     }
     for (band, look) in panel.bands.iter().zip(looks) {
-        canvas.line(line(band, 2), look.colour, 2)?;
+        let means = line(band, 2);
+        let last = means.last().copied();
+        canvas.line(means, look.colour, 2)?;
+        if let Some(at) = last {
+            look.marker(canvas, at, Mark::Full)?;
+        }
     }
     Ok(())
 }

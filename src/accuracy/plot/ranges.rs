@@ -20,8 +20,8 @@ const ASIDE: i32 = 24;
 const SPREAD: i32 = 30;
 /// Radius of a dot, px.
 const DOT: i32 = 2;
-const REMARK: &str = "Lines: from the smallest to the largest run. Markers: means; bars: their 95 % intervals. Dots: runs, \
-     by seed from left to right.";
+const REMARK: &str = "Lines: from the smallest to the largest run. Markers: means, shaded: their 95 % intervals. Dots: runs, by \
+     seed from left to right.";
 
 /// One measure.
 #[derive(Debug, Clone)]
@@ -55,7 +55,7 @@ fn draw(canvas: &Canvas, outer: Area, panel: &Ranges, names: &[String], looks: &
         else {
             continue;
         };
-        let (left, right) = (x - ASIDE / 2, x + ASIDE / 2);
+        let (left, right) = (x - ASIDE, x - ASIDE / 4);
         canvas.line(vec![(left, bottom), (left, top)], look.colour, 2)?;
         for end in [bottom, top] {
             canvas.line(vec![(left - CAP / 2, end), (left + CAP / 2, end)], look.colour, 2)?;
