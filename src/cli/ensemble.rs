@@ -176,6 +176,9 @@ volume_fraction_in_unit_cube, mean_coordination, mean_coordination_without_rattl
 mean_overlap, largest_overlap, mean_force, largest_force, bed_height, kinetic_energy, potential_energy (at the end),
 largest_overlap_of_run, end_time, steps_accepted, steps_rejected, rhs_evaluations, pair_evaluations.
 
+Nothing is written of a single run: [checkpoint] and [limits] of a scene mean nothing here. Runs too large for one core
+belong into a job array, and its files to --gather.
+
 A run that fails is reported and left out of the means; the command fails, with code 3, only if all runs of a case do.";
 
 #[cfg(test)]
