@@ -4,6 +4,7 @@ pub mod bed;
 pub mod contacts;
 pub mod flat;
 pub mod region;
+pub mod row;
 pub mod structure;
 #[cfg(test)]
 pub mod testing;

@@ -2,7 +2,9 @@
 
 mod accuracy;
 mod analyze;
+mod ensemble;
 mod export;
+mod region;
 mod render;
 
 use std::path::PathBuf;
@@ -13,7 +15,9 @@ use clap_complete::Shell;
 
 pub use accuracy::AccuracyArgs;
 pub use analyze::AnalyzeArgs;
+pub use ensemble::{EnsembleArgs, Seeds, Vary};
 pub use export::{ExportArgs, Format, Phase};
+pub use region::RegionArgs;
 pub use render::RenderArgs;
 
 /// Simulate spheres that fall, collide, rub, roll and settle.
@@ -41,6 +45,7 @@ pub struct CommandLine {
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 enum Command {
     Accuracy(Box<AccuracyArgs>),
+    Ensemble(Box<EnsembleArgs>),
     #[command(flatten)]
     Tool(Tool),
 }
@@ -83,6 +88,8 @@ pub enum Work {
     Run(Args),
     /// To compare solvers on a scene.
     Accuracy(Box<AccuracyArgs>),
+    /// To run a scene from many starts.
+    Ensemble(Box<EnsembleArgs>),
     /// To do something else than compute.
     Tool(Tool),
 }
@@ -92,6 +99,7 @@ impl CommandLine {
     pub fn work(self) -> Work {
         match (self.command, self.run) {
             (Some(Command::Accuracy(args)), _) => Work::Accuracy(args),
+            (Some(Command::Ensemble(args)), _) => Work::Ensemble(args),
             (Some(Command::Tool(tool)), _) => Work::Tool(tool),
             (None, run) => Work::Run(run.expect("without a command the scene is required")),
         }
@@ -150,6 +158,7 @@ Examples:
   mpirun -n 4 demhybrid configs/settle.toml --threads 2 --force
   mpirun -n 2 demhybrid --resume settle.vtkhdf
   demhybrid accuracy configs/quick.toml
+  demhybrid ensemble configs/bed.toml --seeds 10 --vary friction.coefficient=0.1,0.2
   demhybrid init my.toml
   demhybrid analyze settle.vtkhdf
   demhybrid export settle.vtkhdf --to csv -o bed.csv

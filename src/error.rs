@@ -137,6 +137,17 @@ pub enum Error {
         enough: f64,
     },
 
+    /// All runs of a case of an ensemble failed.
+    #[error("no run of {case} came to its end; seed {seed}: {why}")]
+    NoRun {
+        /// The case.
+        case: String,
+        /// Seed of its first run.
+        seed: u64,
+        /// Why that one failed.
+        why: String,
+    },
+
     /// A run of a comparison did more work than it may.
     #[error("stopped at t = {t} s after {done} right-hand sides: a run may take {limit}")]
     WorkLimit {
@@ -219,6 +230,7 @@ impl Error {
             | Error::TooFast { .. }
             | Error::BelowRoundOff { .. }
             | Error::Rounding { .. }
+            | Error::NoRun { .. }
             | Error::WorkLimit { .. } => 3,
             Error::Elsewhere { code } => *code,
             Error::Output { .. } | Error::Replaced { .. } | Error::Checkpoint { .. } => 4,

@@ -4,7 +4,7 @@ use clap::Parser;
 use demhybrid::cli::{CommandLine, Work};
 use demhybrid::domain::{Comm, World};
 use demhybrid::error::Error;
-use demhybrid::{accuracy, launch, program, tools};
+use demhybrid::{accuracy, ensemble, launch, program, tools};
 use mpi::Threading;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
@@ -41,6 +41,7 @@ fn main() {
         match &work {
             Work::Run(args) => program::run(args, &world),
             Work::Accuracy(args) => accuracy::command::run(args, &world),
+            Work::Ensemble(args) => ensemble::run(args, &world),
             Work::Tool(_) => unreachable!("tools work without MPI"),
         }
     }));

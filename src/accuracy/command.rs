@@ -3,27 +3,27 @@
 use super::advice::{Question, recommendation};
 use super::energy::{self, Energies};
 use super::ensemble::{self, no_bed};
-use super::farm::Farm;
 use super::figures::Shown;
 use super::files::{Report, table, write_csv, write_json};
 use super::findings::{Findings, medians};
 use super::impact;
 use super::records::{Record, Study};
 use super::solvers::solvers;
-use super::starts::{Starts, farm, load};
+use super::starts::{Starts, load};
 use super::state::{self, When};
 use super::sweep::{self, Variation};
 use crate::agreement::share;
 use crate::cli::AccuracyArgs;
 use crate::domain::Comm;
 use crate::error::Error;
+use crate::farm::Farm;
 use crate::launch;
 use crate::scene::Scene;
 use std::path::{Path, PathBuf};
 
 /// Runs the comparison that the command line asks for. Collective.
 pub fn run(args: &AccuracyArgs, comm: &dyn Comm) -> Result<(), Error> {
-    let farm = farm(args, comm)?;
+    let farm = Farm::start(comm, args.threads, args.quiet)?;
     let (scene, starts) = load(args, &args.set, comm)?;
     let variations = sweep::variations(args, comm)?;
     let folder = folder(args);

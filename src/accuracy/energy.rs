@@ -1,11 +1,11 @@
 //! How far the energy is from what forces and losses allow.
 
-use super::farm::{Farm, Sample};
 use super::findings::{Findings, measures};
 use super::plot::Line;
 use super::records::{Record, Solver, Study};
-use super::run::{Shot, run, work_limit};
 use super::solvers::{adaptive, with_solver};
+use crate::farm::run::{Shot, run, work_limit};
+use crate::farm::{Farm, Sample};
 use crate::scene::Scene;
 use crate::start::Start;
 

@@ -1,12 +1,12 @@
 //! Statistics of the bed over several initial states, and from which tolerance on they stop moving.
 
-use super::farm::{Farm, Sample};
 use super::findings::{Findings, by_solver, measures};
 use super::impact::floors;
 use super::records::{Interval, Record, Solver, Statistic, Study, interval};
-use super::run::{Shot, run, work_limit};
 use super::solvers::{PAPER, with_solver};
 use crate::analysis::bed::{bed_region, mean_coordination_number, union_volume_fraction};
+use crate::farm::run::{Shot, run, work_limit};
+use crate::farm::{Farm, Sample};
 use crate::scene::Scene;
 use crate::start::Start;
 

@@ -1,12 +1,12 @@
 //! One impact: a sphere of the scene falls onto a floor, and is thrown at it without gravity; both have exact answers.
 
 use super::exact::Impact;
-use super::farm::{Farm, Sample};
 use super::findings::{Findings, measures};
 use super::records::{Record, Solver, Study};
-use super::run::{run, work_limit};
 use super::solvers::{gravity, with_solver};
 use crate::container;
+use crate::farm::run::{run, work_limit};
+use crate::farm::{Farm, Sample};
 use crate::particle::Vec3;
 use crate::scene::{Container, Scene, WallPlane};
 use crate::start::{Start, velocity_scale};

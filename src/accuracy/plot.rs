@@ -4,17 +4,22 @@
 //! all figures; the colours differ for colour-blind readers, and the markers on grey paper.
 
 mod axis;
+mod bands;
 mod canvas;
 mod ensemble;
 mod frame;
 mod labels;
 mod legend;
 mod look;
+mod ranges;
 mod series;
+mod sheet;
 #[cfg(test)]
 mod tests;
 mod work_precision;
 
+pub use bands::{Band, Bands, bands};
 pub use ensemble::{Across, Bar, Group, Panel, ensemble};
+pub use ranges::{Ranges, ranges};
 pub use series::{Line, series};
 pub use work_precision::{Curve, Point, work_precision};

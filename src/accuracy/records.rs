@@ -1,5 +1,6 @@
 //! What a run gave and what it cost, and the mean of many runs with its uncertainty.
 
+pub use crate::farm::Work;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
@@ -51,21 +52,6 @@ impl Solver {
         let step = self.step.map(|step| format!(" {step:e} s"));
         format!("{}{}{}", self.method, tolerance.unwrap_or_default(), step.unwrap_or_default())
     }
-}
-
-/// The work of one run.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Work {
-    /// Evaluations of the right-hand side.
-    pub rhs_evaluations: u64,
-    /// Pairs evaluated within all right-hand sides.
-    pub pair_evaluations: u64,
-    /// Steps accepted.
-    pub steps_accepted: u64,
-    /// Steps rejected.
-    pub steps_rejected: u64,
-    /// Wall time multiplied by the cores in use, s.
-    pub core_seconds: f64,
 }
 
 /// One run: what was asked, what it cost, what came out.

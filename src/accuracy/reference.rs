@@ -1,8 +1,8 @@
 //! The reference that states are compared with, its own error, and the time after which nothing can be compared.
 
-use super::farm::{Farm, Sample};
-use super::run::{Shot, run, work_limit};
 use super::solvers::{adaptive, gravity, with_solver};
+use crate::farm::run::{Shot, run, work_limit};
+use crate::farm::{Farm, Sample};
 use crate::particle::Vec3;
 use crate::scene::Scene;
 use crate::start::Start;

@@ -1,11 +1,8 @@
 //! The scene and the initial states that a comparison is about.
 
-use super::farm::Farm;
-use crate::agreement::agree;
 use crate::cli::AccuracyArgs;
 use crate::domain::Comm;
 use crate::error::Error;
-use crate::launch;
 use crate::program;
 use crate::scene::Scene;
 use crate::start::{self, Start};
@@ -32,14 +29,4 @@ pub fn load(args: &AccuracyArgs, sets: &[String], comm: &dyn Comm) -> Result<(Sc
         grid.seed = Some(1);
     }
     Ok((scene, starts))
-}
-
-/// Starts the threads of every rank and tells what is wrong with them. Collective.
-pub fn farm<'a>(args: &AccuracyArgs, comm: &'a dyn Comm) -> Result<Farm<'a>, Error> {
-    launch::check_launcher(comm.size())?;
-    let (threads, bound) = agree(comm, launch::start_threads(comm, args.threads))?;
-    if let (0, Some(warning)) = (comm.rank(), bound) {
-        launch::say(&warning);
-    }
-    Ok(Farm { comm, threads, quiet: args.quiet })
 }

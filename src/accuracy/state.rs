@@ -1,12 +1,12 @@
 //! All spheres at one time, by every solver, from several initial states.
 
-use super::farm::{Farm, Sample};
 use super::findings::{Findings, measures, median};
 use super::records::{Record, Solver, Study};
 use super::reference::{self, Difference, Separation, difference, end_state, reference};
-use super::run::work_limit;
 use super::solvers::with_solver;
 use super::text::scientific;
+use crate::farm::run::work_limit;
+use crate::farm::{Farm, Sample};
 use crate::scene::Scene;
 use crate::start::Start;
 

@@ -2,7 +2,6 @@
 
 use super::ensemble::{self, Job, no_bed};
 use super::exact::hard_rebound_time;
-use super::farm::Farm;
 use super::findings::{Findings, measures};
 use super::impact::{REBOUND_TIME, RESTITUTION, Setup};
 use super::records::Record;
@@ -11,6 +10,7 @@ use super::starts::{Starts, load};
 use crate::cli::AccuracyArgs;
 use crate::domain::Comm;
 use crate::error::Error;
+use crate::farm::Farm;
 use crate::scene::Scene;
 use std::str::FromStr;
 
@@ -53,8 +53,8 @@ impl FromStr for Sweep {
     }
 }
 
-/// The parts of `list` between commas outside brackets and quotes.
-fn split(list: &str) -> Vec<String> {
+/// The parts of a list of TOML values: those of `list` between commas outside brackets and quotes.
+pub(crate) fn split(list: &str) -> Vec<String> {
     let (mut parts, mut depth, mut quote) = (vec![String::new()], 0i32, None);
     for c in list.chars() {
         match (quote, c) {

@@ -111,6 +111,11 @@ impl Canvas<'_> {
         self.line(closed, outline, 1)
     }
 
+    /// Fills the polygon so that what lies below it can still be seen.
+    pub fn veil(&self, corners: &[Pixel], colour: RGBColor) -> Drawn {
+        self.area.draw(&Polygon::new(corners.to_vec(), colour.mix(0.2).filled()))
+    }
+
     /// Fills the circle and draws its outline.
     pub fn circle(&self, at: Pixel, radius: i32, inside: RGBColor, outline: RGBColor) -> Drawn {
         self.area.draw(&Circle::new(at, radius, inside.filled()))?;

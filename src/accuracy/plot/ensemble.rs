@@ -1,21 +1,14 @@
 //! Means with their intervals: small panels side by side, one a statistic or a swept key.
 
 use super::axis::Axis;
-use super::canvas::{Area, Canvas, Drawn, INK, Pixel, SMALL, save};
+use super::canvas::{Area, Canvas, Drawn, Pixel};
 use super::frame::{Frame, upward_height};
-use super::legend::legend;
 use super::look::{Look, Mark, looks};
+use super::sheet::{Sheet, WIDTH};
 use crate::accuracy::records::Interval;
 use crate::error::Error;
-use plotters::style::text_anchor::{HPos, VPos};
 use std::path::Path;
 
-/// Width of the figure, px.
-const WIDTH: i32 = 960;
-/// Height of a panel, px.
-const PANEL_HEIGHT: i32 = 310;
-/// Height of the title, the legend and the remark, px.
-const AROUND: i32 = 100;
 /// Distance of the bars of different methods at the same place, px.
 const APART: i32 = 8;
 /// Half the length of the line that ends a bar, px.
@@ -76,36 +69,23 @@ pub fn ensemble(path: &Path, title: &str, panels: &[Panel]) -> Result<(), Error>
         }
     }
     let looks = looks(names.iter().copied());
-    let columns = panels.len().clamp(1, 2);
-    let rows = panels.len().div_ceil(columns).max(1);
-    // One panel alone may be higher.
-    let height =
-        if panels.len() < 2 { 540 } else { AROUND + rows as i32 * (PANEL_HEIGHT + names_room(panels)) };
-    save(path, (WIDTH, height), title, |canvas, area| {
-        let area = legend(canvas, area, &names, &looks)?;
-        canvas.text(REMARK, (area.left + 4, area.bottom), SMALL, INK, (HPos::Left, VPos::Bottom))?;
-        let width = (area.right - area.left) / columns as i32;
-        let height = (area.bottom - SMALL - 8 - area.top) / rows as i32;
-        for (k, panel) in panels.iter().enumerate() {
-            let (row, column) = ((k / columns) as i32, (k % columns) as i32);
-            let (left, top) = (area.left + column * width, area.top + row * height);
-            let outer = Area { left, top, right: left + width, bottom: top + height };
-            let look = |group: &Group| names.iter().position(|&name| name == group.name).map(|at| looks[at]);
-            let looks: Vec<Look> = panel.groups.iter().filter_map(look).collect();
-            draw(canvas, outer, panel, &looks)?;
-        }
-        Ok(())
+    let rooms = panels.iter().map(|panel| match &panel.across {
+        Across::Named(categories) => names_room(categories),
+        Across::Logarithmic | Across::Linear => 0,
+    });
+    let extra = rooms.max().unwrap_or(0);
+    let sheet = Sheet { title, names: &names, looks: &looks, remark: REMARK, panels: panels.len(), extra };
+    sheet.save(path, |canvas, k, area| {
+        let panel = &panels[k];
+        let look = |group: &Group| names.iter().position(|&name| name == group.name).map(|at| looks[at]);
+        let looks: Vec<Look> = panel.groups.iter().filter_map(look).collect();
+        draw(canvas, area, panel, &looks)
     })
 }
 
-/// Additional height of the panels where names of categories are too long to be written side by side, px.
-fn names_room(panels: &[Panel]) -> i32 {
-    let inside = WIDTH / 2 - 90;
-    let rooms = panels.iter().map(|panel| match &panel.across {
-        Across::Named(categories) => upward_height(&Axis::named("", categories), inside),
-        Across::Logarithmic | Across::Linear => 0,
-    });
-    rooms.max().unwrap_or(0)
+/// Additional height of a panel where names of categories are too long to be written side by side, px.
+pub fn names_room(categories: &[String]) -> i32 {
+    upward_height(&Axis::named("", categories), WIDTH / 2 - 90)
 }
 
 /// Draws one panel; each group has its look.

@@ -1,12 +1,31 @@
 //! Shares independent runs out over ranks and threads, and brings what they gave to all ranks.
 
-use super::records::Work;
+pub mod run;
+
+use crate::agreement::agree;
 use crate::domain::{Comm, comm::Parcels};
+use crate::error::Error;
 use crate::launch;
 use fail::fail_point;
+use serde::Serialize;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+
+/// The work of one run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Work {
+    /// Evaluations of the right-hand side.
+    pub rhs_evaluations: u64,
+    /// Pairs evaluated within all right-hand sides.
+    pub pair_evaluations: u64,
+    /// Steps accepted.
+    pub steps_accepted: u64,
+    /// Steps rejected.
+    pub steps_rejected: u64,
+    /// Wall time multiplied by the cores in use, s.
+    pub core_seconds: f64,
+}
 
 /// What a job gave.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -38,6 +57,18 @@ pub struct Farm<'a> {
 
 /// Time between two lines about progress.
 const PATIENCE: Duration = Duration::from_secs(3);
+
+impl<'a> Farm<'a> {
+    /// Starts the threads of every rank, `threads` or what its cores allow, and tells what is wrong with them. Collective.
+    pub fn start(comm: &'a dyn Comm, threads: Option<usize>, quiet: bool) -> Result<Self, Error> {
+        launch::check_launcher(comm.size())?;
+        let (threads, bound) = agree(comm, launch::start_threads(comm, threads))?;
+        if let (0, Some(warning)) = (comm.rank(), bound) {
+            launch::say(&warning);
+        }
+        Ok(Farm { comm, threads, quiet })
+    }
+}
 
 impl Farm<'_> {
     /// The samples of all `jobs`, in their order, on every rank. `what` names them in lines about progress. Collective.

@@ -1,7 +1,6 @@
 //! One run of a scene on one thread, shown as plain vectors and ended where it takes too much work.
 
-use super::farm::Sample;
-use super::records::Work;
+use super::{Sample, Work};
 use crate::contact::{Law, Rebound, Tangential};
 use crate::domain::Solo;
 use crate::error::Error;

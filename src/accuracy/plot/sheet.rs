@@ -1,0 +1,60 @@
+//! Panels side by side on one sheet, under one legend and above one remark.
+
+use super::canvas::{Area, Canvas, Drawn, INK, SMALL, save};
+use super::legend::legend;
+use super::look::Look;
+use crate::error::Error;
+use plotters::style::text_anchor::{HPos, VPos};
+use std::path::Path;
+
+/// Width of the figure, px.
+pub const WIDTH: i32 = 960;
+/// Height of a panel, px.
+const PANEL_HEIGHT: i32 = 310;
+/// Height of the title, the legend and the remark, px.
+const AROUND: i32 = 100;
+/// Height of a figure with one panel, px.
+const ALONE: i32 = 540;
+
+/// What surrounds the panels.
+pub struct Sheet<'a> {
+    /// The title.
+    pub title: &'a str,
+    /// Entries of the legend; may be none.
+    pub names: &'a [&'a str],
+    /// Their looks.
+    pub looks: &'a [Look],
+    /// The line below the panels.
+    pub remark: &'a str,
+    /// How many panels there are.
+    pub panels: usize,
+    /// What a panel needs above the usual height, px.
+    pub extra: i32,
+}
+
+impl Sheet<'_> {
+    /// Columns of panels: two, or one if there is only one panel.
+    fn columns(&self) -> usize {
+        self.panels.clamp(1, 2)
+    }
+
+    /// Writes the figure; `draw` draws the panel of a number into its area.
+    pub fn save(&self, path: &Path, draw: impl Fn(&Canvas, usize, Area) -> Drawn) -> Result<(), Error> {
+        let columns = self.columns();
+        let rows = self.panels.div_ceil(columns).max(1);
+        let height = if self.panels < 2 { ALONE } else { AROUND + rows as i32 * (PANEL_HEIGHT + self.extra) };
+        save(path, (WIDTH, height), self.title, |canvas, area| {
+            let area = legend(canvas, area, self.names, self.looks)?;
+            let (at, anchor) = ((area.left + 4, area.bottom), (HPos::Left, VPos::Bottom));
+            canvas.text(self.remark, at, SMALL, INK, anchor)?;
+            let width = (area.right - area.left) / columns as i32;
+            let height = (area.bottom - SMALL - 8 - area.top) / rows as i32;
+            for k in 0..self.panels {
+                let (row, column) = ((k / columns) as i32, (k % columns) as i32);
+                let (left, top) = (area.left + column * width, area.top + row * height);
+                draw(canvas, k, Area { left, top, right: left + width, bottom: top + height })?;
+            }
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,86 @@
+//! The part of a bed whose volumes are measured, on a command line.
+
+use crate::analysis::union::Region;
+use crate::analysis::{bed, region};
+use crate::particle::Vec3;
+use crate::scene::Scene;
+
+#[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
+#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
+pub struct RegionArgs {
+    /// Measure volumes in this box, m, in place of the bed: two corners
+    #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true, value_parser = box_corners)]
+    #[arg(conflicts_with_all = ["cylinder", "whole"])]
+    pub r#box: Option<[f64; 6]>,
+
+    /// Measure volumes in this upright cylinder, m: its axis, radius and ends
+    #[arg(long, value_name = "X,Y,RADIUS,Z0,Z1", allow_hyphen_values = true, value_parser = upright_cylinder)]
+    #[arg(conflicts_with = "whole")]
+    pub cylinder: Option<[f64; 5]>,
+
+    /// Measure volumes in the whole bed: the container up to the highest point of any sphere
+    #[arg(long)]
+    pub whole: bool,
+}
+
+impl RegionArgs {
+    /// The region to measure in a bed of `scene` with the centres `x` (m), and what it is in words.
+    pub fn of(&self, scene: &Scene, x: &[Vec3]) -> (Region, &'static str) {
+        if let Some([a, b, c, d, e, f]) = self.r#box {
+            return (Region::Box { low: Vec3::new(a, b, c), high: Vec3::new(d, e, f) }, "the box of --box");
+        }
+        if let Some([x, y, radius, from, to]) = self.cylinder {
+            let region = Region::Cylinder { axis: [x, y], radius, ends: [from, to] };
+            return (region, "the cylinder of --cylinder");
+        }
+        let inner = bed::bed_region(scene, x).filter(|_| !self.whole);
+        let words = match inner {
+            Some(_) => "the bed, without its top",
+            None => "the whole bed",
+        };
+        let (low, high) = inner.unwrap_or_else(|| region::container_box(scene, x));
+        (Region::Box { low, high }, words)
+    }
+}
+
+/// `N` finite numbers between commas.
+fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let parsed: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    parsed
+        .filter(|numbers| numbers.iter().all(|number| number.is_finite()))
+        .and_then(|numbers| numbers.try_into().ok())
+        .ok_or_else(|| format!("it must be {N} finite numbers between commas, in m"))
+}
+
+fn box_corners(text: &str) -> Result<[f64; 6], String> {
+    let corners: [f64; 6] = numbers(text)?;
+    match (0..3).all(|k| corners[k] < corners[k + 3]) {
+        true => Ok(corners),
+        false => Err("the second corner must be beyond the first on every axis".into()),
+    }
+}
+
+fn upright_cylinder(text: &str) -> Result<[f64; 5], String> {
+    let cylinder: [f64; 5] = numbers(text)?;
+    match cylinder[2] > 0.0 && cylinder[3] < cylinder[4] {
+        true => Ok(cylinder),
+        false => Err("the radius must be greater than 0, and Z1 greater than Z0".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn regions_are_read_and_mistakes_explained() {
+        assert_eq!(box_corners("-1,0,0, 1,2,3.5"), Ok([-1.0, 0.0, 0.0, 1.0, 2.0, 3.5]));
+        assert_eq!(upright_cylinder("0,0,1,-1,1"), Ok([0.0, 0.0, 1.0, -1.0, 1.0]));
+        for text in ["", "1,2,3", "1,2,3,4,5,x", "0,0,0,1,1,inf", "0,0,0,1,1,1,1"] {
+            assert!(box_corners(text).unwrap_err().contains("6 finite numbers"), "{text}");
+        }
+        assert!(box_corners("0,0,0,1,1,0").unwrap_err().contains("beyond"));
+        assert!(upright_cylinder("0,0,0,0,1").unwrap_err().contains("greater than 0"));
+        assert!(upright_cylinder("0,0,1,1,1").unwrap_err().contains("Z1 greater"));
+    }
+}
