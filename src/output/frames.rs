@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use hdf5::plist::dataset_create::FillTime;
-use hdf5::plist::file_access::{FileAccess, MetadataWriteStrategy};
 use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, Extent, File, FileBuilder, Group, Location, Result};
 
 use super::collective::{Row, Transfer};
+use super::mpio;
 use super::{Measures, Quantity, Rows, RunInfo};
 use crate::domain::comm::Comm;
 use crate::ode::Limit;
@@ -165,7 +165,7 @@ impl Frames {
         count: u64,
         rotation: bool,
     ) -> Result<Self> {
-        let transfer = Transfer::new(comm.raw().is_some())?;
+        let transfer = Transfer::new(comm.raw())?;
         let writes_small = comm.rank() == 0;
         let root = ground.group(&file, "VTKHDF")?;
         let point_data = ground.group(&root, "PointData")?;
@@ -404,14 +404,13 @@ impl Frames {
 }
 
 /// How the file is opened. Collective, like the call that opens it.
-fn options(comm: &dyn Comm) -> Result<FileBuilder> {
+pub(super) fn options(comm: &dyn Comm) -> Result<FileBuilder> {
     let mut options = File::with_options();
+    // The default until HDF5 2.0 chose another: whatever library writes, the file is the same, older ones read it, and
+    // it opens after a kill.
+    options.with_fapl(|access| access.libver_earliest());
     if let Some(communicator) = comm.raw() {
-        // One rank writes all metadata, in one sweep. By default all ranks share them out: when one was killed
-        // a little before the others, half of an update was in the file (tried).
-        let mut cache = FileAccess::try_new()?.get_mdc_config()?;
-        cache.metadata_write_strategy = MetadataWriteStrategy::ProcessZeroOnly;
-        options.with_fapl(|access| access.mpio(communicator, None).mdc_config(&cache));
+        mpio::open_together(&mut options, communicator)?;
     }
     Ok(options)
 }

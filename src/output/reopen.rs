@@ -11,7 +11,8 @@ use hdf5::{Attribute, Dataset, File, Group};
 
 use super::RunInfo;
 use super::collective::Transfer;
-use super::frames::put_scene;
+use super::frames::{options, put_scene};
+use crate::domain::Solo;
 use crate::start::Start;
 
 /// What a file tells of the run that wrote it.
@@ -84,7 +85,7 @@ pub fn frame(file: &File, k: u64, count: u64) -> Result<Start, String> {
 /// describes and that is not completed.
 pub fn prepare(path: &Path, frames: u64, info: &RunInfo) -> Result<(), String> {
     let prepared = || -> hdf5::Result<()> {
-        let file = File::open_rw(path)?;
+        let file = options(&Solo)?.open_rw(path)?;
         let root = file.group("VTKHDF")?;
         let steps = root.group("Steps")?;
         // Never more times than NSteps says: VTK's reader crashes.
@@ -109,7 +110,7 @@ pub fn prepare(path: &Path, frames: u64, info: &RunInfo) -> Result<(), String> {
         } else {
             run.unlink("scene_text")?;
         }
-        put_scene(&run, &Transfer::new(false)?, &info.scene, true)?;
+        put_scene(&run, &Transfer::new(None)?, &info.scene, true)?;
         file.close()
     };
     prepared().map_err(say)
