@@ -11,7 +11,8 @@ compile_error!(
 
 fn main() {
     // hdf5-metno-sys tells what it has found.
-    if std::env::var_os("CARGO_FEATURE_MPI").is_none() && std::env::var_os("DEP_HDF5_HAVE_PARALLEL").is_some() {
+    if std::env::var_os("CARGO_FEATURE_MPI").is_none() && std::env::var_os("DEP_HDF5_HAVE_PARALLEL").is_some()
+    {
         println!(
             "cargo:warning=a build without MPI has found a parallel HDF5, and will need MPI's libraries after all; \
              HDF5_DIR chooses a serial one (Debian: HDF5_DIR=/usr/lib/x86_64-linux-gnu/hdf5/serial)"

@@ -13,7 +13,8 @@ use tempfile::TempDir;
 /// The program that was built without MPI.
 fn without_mpi() -> PathBuf {
     let path = std::env::var_os("DEMHYBRID_WITHOUT_MPI");
-    let path = PathBuf::from(path.expect("DEMHYBRID_WITHOUT_MPI names the other build; see launch/test-long.sh"));
+    let path =
+        PathBuf::from(path.expect("DEMHYBRID_WITHOUT_MPI names the other build; see launch/test-long.sh"));
     assert!(path.is_absolute() && path.is_file(), "DEMHYBRID_WITHOUT_MPI={}", path.display());
     path
 }
@@ -61,7 +62,8 @@ fn either_build_goes_on_with_what_the_other_began() {
         job.must_end_within(20);
         job.end().with_code(5);
         let more = ["--resume", "run.vtkhdf", "-q"];
-        let job = ranks.map_or_else(|| Job::alone(folder.path(), &more), |n| Job::on(n, folder.path(), &more));
+        let job =
+            ranks.map_or_else(|| Job::alone(folder.path(), &more), |n| Job::on(n, folder.path(), &more));
         job.of(second.clone()).run().with_code(0);
         let resumed = Results::open(&folder.path().join("run.vtkhdf"));
         assert_same_bits(&whole, &resumed, &format!("{} goes on", second.display()));
@@ -73,7 +75,11 @@ fn without_mpi_it_refuses_to_be_one_of_several_ranks_with_one_message() {
     let folder = TempDir::new().unwrap();
     let scene = format!("{PACKAGE}/configs/quick.toml");
     let ended = Job::on(3, folder.path(), &[&scene]).of(without_mpi()).run().with_code(2);
-    ended.only_error(&["the launcher started 3 ranks", "built without MPI", "cargo install --locked --path ."]);
+    ended.only_error(&[
+        "the launcher started 3 ranks",
+        "built without MPI",
+        "cargo install --locked --path .",
+    ]);
     assert!(ended.stdout.is_empty(), "{}", ended.stdout);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     Job::on(1, folder.path(), &[&scene, "-q"]).of(without_mpi()).run().with_code(0);

@@ -4,16 +4,32 @@
 //! has the same reason: functions of the C library that the crate does not wrap.
 #![allow(unsafe_code)]
 
-use std::ffi::c_void;
+use std::ffi::{c_int, c_void};
 
 use hdf5::types::H5Type;
-use hdf5::{Dataset, Dataspace, Datatype, PropertyList, Result, h5check};
+use hdf5::{Dataset, Dataspace, Datatype, File, PropertyList, Result, h5check};
 use hdf5_sys::h5d::H5Dwrite;
+use hdf5_sys::h5i::hid_t;
 use hdf5_sys::h5p::{H5P_CLS_DATASET_XFER, H5Pcreate};
 use hdf5_sys::h5s::{H5S_seloper_t, H5Sselect_hyperslab, H5Sselect_none};
 
 use super::mpio;
 use crate::domain::world::Communicator;
+
+// Not in hdf5-metno-sys; since HDF5 1.10.2.
+unsafe extern "C" {
+    fn H5Fincrement_filesize(file: hid_t, bytes: u64) -> c_int;
+}
+
+/// Has new parts of `file`, open through the serial driver, begin `bytes` behind its end on the disk, wherever it takes its
+/// own end to be.
+pub fn begin_behind_the_end(file: &File, bytes: u64) -> Result<()> {
+    hdf5::sync::sync(|| {
+        // SAFETY: the file is open for writing; the call only moves the end of what is allocated.
+        h5check(unsafe { H5Fincrement_filesize(file.id(), bytes) })
+    })?;
+    Ok(())
+}
 
 /// What one row of a dataset is made of: one number or a few.
 ///

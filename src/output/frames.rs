@@ -369,7 +369,7 @@ impl Frames {
 
     /// The part of `growth` for arrays with one row per frame.
     fn small_growth(&self, k: u64) -> u64 {
-        if k.is_multiple_of(FRAMES_PER_CHUNK) { 64 * (FRAMES_PER_CHUNK * 32 + INDEX_BYTES) } else { 0 }
+        if k.is_multiple_of(FRAMES_PER_CHUNK) { small_arrays() } else { 0 }
     }
 
     fn count_up(&self, measures: &Measures) -> Result<()> {
@@ -413,6 +413,17 @@ pub(super) fn options(comm: &dyn Comm) -> Result<FileBuilder> {
         mpio::open_together(&mut options, communicator)?;
     }
     Ok(options)
+}
+
+/// Bytes that one frame of `count` particles may add to a file at most.
+pub(super) fn largest_growth(count: u64) -> u64 {
+    let rows = rows_per_chunk(count);
+    3 * (count.div_ceil(rows) + 1) * (rows * VECTOR_BYTES + INDEX_BYTES) + small_arrays()
+}
+
+/// Bytes of a chunk of all arrays with one row per frame.
+fn small_arrays() -> u64 {
+    64 * (FRAMES_PER_CHUNK * 32 + INDEX_BYTES)
 }
 
 /// What a file holds when it is laid out.
