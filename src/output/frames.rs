@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use hdf5::plist::dataset_create::FillTime;
+use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, Extent, File, FileBuilder, Group, Location, Result};
 
@@ -518,6 +518,8 @@ fn growing<R: Row>(group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dat
         [vec![Extent::resizable(0)], R::SHAPE.iter().map(|&n| Extent::fixed(n)).collect()].concat();
     let chunk = [&[rows_per_chunk as usize], R::SHAPE].concat();
     let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
+    // As parallel HDF5 does: ranks that go on with a file have no place for a chunk otherwise.
+    let builder = builder.alloc_time(Some(AllocTime::Early));
     // Nothing is read again: without a cache, chunks are written from where they are.
     builder.shape(extents).chunk(chunk).chunk_cache(1, 0, 1.0).create(name)
 }
