@@ -42,7 +42,7 @@ fn main() {
         Ok(Err(error)) => end(world, &error),
         Err(_) => world.abort(INTERNAL),
     };
-    drop(session);
+    session.end();
     drop(faults);
     std::process::exit(code)
 }

@@ -24,6 +24,11 @@ pub struct Session {
     _universe: Universe,
 }
 
+impl Session {
+    /// Ends MPI.
+    pub fn end(self) {}
+}
+
 /// Starts MPI. The calling thread, the main one, is the only one that may use it.
 pub fn start() -> Result<Session, &'static str> {
     let (universe, threading) =
