@@ -8,11 +8,13 @@ mod region;
 mod render;
 
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use clap::builder::RangedU64ValueParser;
 use clap::{Parser, Subcommand};
 use clap_complete::Shell;
 
+use crate::domain::world;
 pub use accuracy::AccuracyArgs;
 pub use analyze::AnalyzeArgs;
 pub use ensemble::{EnsembleArgs, Seeds, Vary};
@@ -29,6 +31,7 @@ pub use render::RenderArgs;
 #[command(
     name = "demhybrid",
     version,
+    long_version = LONG_VERSION.as_str(),
     after_help = AFTER_HELP,
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
@@ -150,6 +153,20 @@ pub struct Args {
     #[arg(short, long)]
     pub verbose: bool,
 }
+
+/// What --version says, and -V does not.
+static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
+    let hdf5 = hdf5_sys::HDF5_VERSION;
+    format!(
+        "{}\ncommit {}\nbuilt {} HDF5 {}.{}.{}",
+        env!("CARGO_PKG_VERSION"),
+        env!("DEMHYBRID_COMMIT"),
+        world::built(),
+        hdf5.major,
+        hdf5.minor,
+        hdf5.micro
+    )
+});
 
 const AFTER_HELP: &str = "\
 Examples:

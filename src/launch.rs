@@ -1,7 +1,7 @@
 //! How the program was started: which rank of which MPI, how many cores and threads, and what ends all ranks when
 //! one of them fails.
 
-use crate::domain::Comm;
+use crate::domain::{Comm, world};
 use crate::error::Error;
 use crate::kernel::InstructionSet;
 use std::io::Write;
@@ -12,6 +12,9 @@ use std::thread;
 const WORLD_SIZE: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS"];
 /// Variables by which launchers tell a process which one it is.
 const WORLD_RANK: [&str; 4] = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "MPI_LOCALRANKID"];
+/// The same of srun, which does not tell whether the tasks of a step are to be ranks of one job.
+const SLURM_STEP_SIZE: &str = "SLURM_STEP_NUM_TASKS";
+const SLURM_RANK: &str = "SLURM_PROCID";
 
 fn number(names: &[&str]) -> Option<usize> {
     names.iter().find_map(|name| std::env::var(name).ok()?.parse().ok())
@@ -22,15 +25,19 @@ pub fn speaks_first() -> bool {
     number(&WORLD_RANK).is_none_or(|rank| rank == 0)
 }
 
-/// Refuses to run when the launcher belongs to another MPI than the program: it would run as many times as there
-/// are ranks, and every copy would write the same file.
+/// Refuses to run when the launcher belongs to another MPI than the program, or the program was built without: it would
+/// run as many times as there are ranks, and every copy would write the same file. The first copy says so.
 pub fn check_launcher(world_size: usize) -> Result<(), Error> {
-    match number(&WORLD_SIZE) {
-        Some(started) if started != world_size => Err(Error::Input(format!(
-            "the launcher started {started} ranks, but MPI sees a world of {world_size}: this mpirun belongs to \
-             another MPI than the one demhybrid is built with ({})",
-            mpi::environment::library_version().unwrap_or_default().trim_end_matches('\0').trim()
-        ))),
+    // srun sets these for every step. Where MPI has found its ranks they are as many, or parts of a larger job.
+    let of_step = [SLURM_STEP_SIZE, SLURM_RANK].map(|name| number(&[name]).filter(|_| world_size == 1));
+    match number(&WORLD_SIZE).or(of_step[0]) {
+        Some(started) if started != world_size => {
+            if number(&WORLD_RANK).or(of_step[1]).is_some_and(|rank| rank > 0) {
+                return Err(Error::Elsewhere { code: Error::Input(String::new()).exit_code() });
+            }
+            let why = world::foreign_launcher(world_size);
+            Err(Error::Input(format!("the launcher started {started} ranks, {why}")))
+        }
         _ => Ok(()),
     }
 }

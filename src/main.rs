@@ -1,11 +1,10 @@
-//! Starts MPI, runs the program, and turns what happened into an exit code.
+//! Starts MPI where there is one, runs the program, and turns what happened into an exit code.
 
 use clap::Parser;
 use demhybrid::cli::{CommandLine, Work};
-use demhybrid::domain::{Comm, World};
+use demhybrid::domain::{Comm, world};
 use demhybrid::error::Error;
 use demhybrid::{accuracy, ensemble, launch, program, tools};
-use mpi::Threading;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
@@ -27,31 +26,24 @@ fn main() {
         std::process::exit(tools::alone(tool))
     }
     let faults = fail::FailScenario::setup();
-    let Some((universe, threading)) = mpi::initialize_with_threading(Threading::Funneled) else {
-        launch::say("demhybrid: MPI cannot be started");
+    let session = world::start().unwrap_or_else(|why| {
+        launch::say(&format!("demhybrid: {why}"));
         std::process::exit(INTERNAL)
-    };
-    let world = World::new(universe.world());
+    });
+    let world = &session.world;
     launch::report_panics(world.rank());
-    let outcome = catch_unwind(AssertUnwindSafe(|| {
-        assert!(
-            threading >= Threading::Funneled,
-            "this MPI does not allow threads beside the one that calls it"
-        );
-        match &work {
-            Work::Run(args) => program::run(args, &world),
-            Work::Accuracy(args) => accuracy::command::run(args, &world),
-            Work::Ensemble(args) => ensemble::run(args, &world),
-            Work::Tool(_) => unreachable!("tools work without MPI"),
-        }
+    let outcome = catch_unwind(AssertUnwindSafe(|| match &work {
+        Work::Run(args) => program::run(args, world),
+        Work::Accuracy(args) => accuracy::command::run(args, world),
+        Work::Ensemble(args) => ensemble::run(args, world),
+        Work::Tool(_) => unreachable!("tools work without MPI"),
     }));
     let code = match outcome {
         Ok(Ok(())) => 0,
-        Ok(Err(error)) => end(&world, &error),
+        Ok(Err(error)) => end(world, &error),
         Err(_) => world.abort(INTERNAL),
     };
-    drop(world);
-    drop(universe);
+    session.end();
     drop(faults);
     std::process::exit(code)
 }
@@ -59,7 +51,7 @@ fn main() {
 /// Reports an error. All but output errors are known to all ranks: rank 0 speaks, unless another rank has spoken, and
 /// all leave together. An output error may be one rank's alone, and after it no collective call may follow: it ends the
 /// job, and rank 0 speaks first if it knows.
-fn end(world: &World, error: &Error) -> i32 {
+fn end(world: &dyn Comm, error: &Error) -> i32 {
     let message = match error {
         Error::Stopped { .. } => format!("demhybrid: {error}"),
         _ => format!("demhybrid: error: {error}"),

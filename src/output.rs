@@ -6,6 +6,8 @@
 
 mod collective;
 mod frames;
+#[cfg_attr(not(feature = "mpi"), path = "output/serial.rs")]
+mod mpio;
 mod place;
 mod reopen;
 #[cfg(test)]

@@ -9,7 +9,7 @@ mod mpirun;
 use beds::{Job, bed, scene, simulate_on};
 use demhybrid::contact::{Rebound, Tangential};
 use demhybrid::container::walls;
-use demhybrid::domain::{Comm, Solo, World};
+use demhybrid::domain::{Comm, Solo, world};
 use demhybrid::dynamics::Dynamics;
 use demhybrid::ode::{
     Anchor, Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, Norm, RungeKutta, Trial, Verlet, Weights,
@@ -92,13 +92,13 @@ fn a_step_allocates_nothing() {
 const RANK: &str = "DEMHYBRID_TEST_IS_A_RANK";
 
 #[test]
+#[cfg_attr(not(feature = "mpi"), ignore = "a build without MPI has one rank")]
 fn a_step_on_two_or_three_ranks_allocates_nothing() {
     let name = "a_step_on_two_or_three_ranks_allocates_nothing";
     if std::env::var_os(RANK).is_some() {
-        let (universe, _) = mpi::initialize_with_threading(mpi::Threading::Funneled).expect("MPI starts");
-        let world = World::new(universe.world());
-        assert!(world.size() > 1);
-        steps_of_all_variants(&world);
+        let session = world::start().expect("MPI starts");
+        assert!(session.world.size() > 1);
+        steps_of_all_variants(&session.world);
         return;
     }
     for ranks in ["2", "3"] {

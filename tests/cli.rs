@@ -56,13 +56,40 @@ fn help_and_version_go_to_stdout_and_touch_nothing() {
     for part in options.iter().chain(&["Usage: demhybrid", "Exit codes", "mpirun -n"]) {
         assert!(help.stdout.contains(part), "nothing of {part} in\n{}", help.stdout);
     }
+    let short = Job::alone(folder.path(), &["-V"]).run().with_code(0);
+    assert_eq!(short.stdout, format!("demhybrid {}\n", env!("CARGO_PKG_VERSION")));
     let version = Job::alone(folder.path(), &["--version"]).run().with_code(0);
-    assert_eq!(version.stdout, format!("demhybrid {}\n", env!("CARGO_PKG_VERSION")));
+    assert!(version.stdout.starts_with(&short.stdout), "{}", version.stdout);
+    let mpi = if cfg!(feature = "mpi") { "built with MPI (" } else { "built without MPI, " };
+    assert!(version.line("built").starts_with(mpi) && version.line("built").contains("HDF5"));
+    assert!(version.line("commit").len() >= "commit unknown".len());
     assert!(help.stderr.is_empty() && version.stderr.is_empty());
     assert_eq!(names(folder.path()), ["heap.toml"]);
 }
 
 #[test]
+fn a_launcher_that_starts_copies_in_place_of_ranks_is_refused_by_the_first_copy_for_all() {
+    let folder = folder();
+    let cure = if cfg!(feature = "mpi") { "belongs to another MPI" } else { "built without MPI" };
+    for [size, rank] in [
+        ["OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"],
+        ["PMI_SIZE", "PMI_RANK"],
+        ["SLURM_STEP_NUM_TASKS", "SLURM_PROCID"],
+    ] {
+        let copy = |number: &str| {
+            let job = Job::alone(folder.path(), &["heap.toml", "-q"]).with_variable(size, "2");
+            job.with_variable(rank, number).run().with_code(2)
+        };
+        copy("0").only_error(&["the launcher started 2 ranks", cure]);
+        assert_eq!(copy("1").stderr, "", "{rank}");
+    }
+    assert_eq!(names(folder.path()), ["heap.toml"]);
+    let job = Job::alone(folder.path(), &["heap.toml", "-q", "--set", "t_end=0.01"]);
+    job.with_variable("SLURM_STEP_NUM_TASKS", "1").with_variable("SLURM_NTASKS", "4").run().with_code(0);
+}
+
+#[test]
+#[cfg_attr(not(feature = "mpi"), ignore = "a build without MPI has one rank")]
 fn a_dry_run_tells_effects_counts_memory_and_slabs_and_writes_nothing() {
     let folder = folder();
     let scene = format!("{PACKAGE}/configs/settle.toml");
@@ -274,6 +301,7 @@ fn instruction_sets_can_be_named_and_give_the_same_bits() {
 }
 
 #[test]
+#[cfg_attr(not(feature = "mpi"), ignore = "a build without MPI has one rank")]
 fn ranks_with_different_instructions_all_use_the_narrowest_and_say_so() {
     let folder = folder();
     let widest = *InstructionSet::available().last().unwrap();

@@ -1,18 +1,10 @@
 //! What the solver needs from a group of ranks: a few reductions and one exchange.
-//! `Solo` is the identity for a single rank; `World` is MPI.
+//! `Solo` is the identity for a single rank; [`super::World`] is all ranks that were started.
 
 #[cfg(test)]
 pub mod team;
 
-use mpi::collective::SystemOperation;
-use mpi::ffi::MPI_Comm;
-use mpi::request::{WaitGuard, scope};
-use mpi::topology::SimpleCommunicator;
-use mpi::traits::*;
-use smallvec::SmallVec;
-
-/// Partners of a rank for whose messages no memory is allocated: the next slabs, and those beyond where slabs are thin.
-const PARTNERS: usize = 8;
+use super::world::Communicator;
 
 /// Messages to or from several ranks in one flat buffer: `data[bounds[k]..bounds[k + 1]]` belongs to `ranks[k]`.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -74,7 +66,9 @@ pub trait Comm {
     /// How many ranks share this machine. Collective.
     fn ranks_on_node(&self) -> usize;
     /// The MPI communicator, if there is one; parallel HDF5 asks for it.
-    fn raw(&self) -> Option<MPI_Comm>;
+    fn raw(&self) -> Option<Communicator> {
+        None
+    }
     /// Ends all ranks at once.
     fn abort(&self, code: i32) -> !;
 }
@@ -106,83 +100,7 @@ impl Comm for Solo {
     fn ranks_on_node(&self) -> usize {
         1
     }
-    fn raw(&self) -> Option<MPI_Comm> {
-        None
-    }
     fn abort(&self, code: i32) -> ! {
         std::process::exit(code)
-    }
-}
-
-/// All ranks of the MPI job.
-pub struct World(SimpleCommunicator);
-
-impl World {
-    /// Wraps MPI's world communicator. MPI must have been initialised by this thread.
-    pub fn new(world: SimpleCommunicator) -> Self {
-        World(world)
-    }
-}
-
-impl Comm for World {
-    fn rank(&self) -> usize {
-        self.0.rank() as usize
-    }
-    fn size(&self) -> usize {
-        self.0.size() as usize
-    }
-    fn max(&self, values: &mut [f64]) {
-        debug_assert!(values.iter().all(|x| !x.is_nan()), "MPI_MAX does not order NaN");
-        let own: SmallVec<[f64; 8]> = SmallVec::from_slice(values);
-        self.0.all_reduce_into(&own[..], values, SystemOperation::max());
-    }
-    fn sum(&self, counts: &mut [u64]) {
-        let own: SmallVec<[u64; 8]> = SmallVec::from_slice(counts);
-        self.0.all_reduce_into(&own[..], counts, SystemOperation::sum());
-    }
-    fn all_gather(&self, own: &[f64], all: &mut [f64]) {
-        self.0.all_gather_into(own, all);
-    }
-    fn transpose(&self, to: &[u64]) -> Vec<u64> {
-        let mut from = vec![0; to.len()];
-        self.0.all_to_all_into(to, &mut from[..]);
-        from
-    }
-    fn exchange_during(&self, outgoing: &Parcels, incoming: &mut Parcels, work: &mut dyn FnMut()) {
-        scope(|s| {
-            let mut pending: SmallVec<[_; PARTNERS]> = SmallVec::new();
-            let mut rest = &mut incoming.data[..];
-            for (&q, b) in incoming.ranks.iter().zip(incoming.bounds.windows(2)) {
-                let (parcel, tail) = rest.split_at_mut(b[1] - b[0]);
-                rest = tail;
-                let partner = self.0.process_at_rank(q as i32);
-                pending.push(WaitGuard::from(partner.immediate_receive_into(s, parcel)));
-            }
-            let mut sent: SmallVec<[_; PARTNERS]> = SmallVec::new();
-            for (q, parcel) in outgoing.iter() {
-                sent.push(WaitGuard::from(self.0.process_at_rank(q as i32).immediate_send(s, parcel)));
-            }
-            work();
-            // Guards wait when they go, also where `work` panics: an open request would end the process without a word.
-        });
-    }
-    fn broadcast(&self, bytes: &mut Vec<u8>) {
-        let root = self.0.process_at_rank(0);
-        let mut length = bytes.len() as u64;
-        root.broadcast_into(&mut length);
-        bytes.resize(length as usize, 0);
-        // MPI counts are 32-bit: long texts go in pieces.
-        for piece in bytes.chunks_mut(1 << 30) {
-            root.broadcast_into(piece);
-        }
-    }
-    fn ranks_on_node(&self) -> usize {
-        self.0.split_shared(self.0.rank()).size() as usize
-    }
-    fn raw(&self) -> Option<MPI_Comm> {
-        Some(self.0.as_raw())
-    }
-    fn abort(&self, code: i32) -> ! {
-        self.0.abort(code)
     }
 }

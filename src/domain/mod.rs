@@ -6,5 +6,9 @@ pub mod halo;
 pub mod migration;
 pub mod rows;
 pub mod slabs;
+#[cfg_attr(feature = "mpi", path = "world/mpi.rs")]
+#[cfg_attr(not(feature = "mpi"), path = "world/alone.rs")]
+pub mod world;
 
-pub use comm::{Comm, Parcels, Solo, World};
+pub use comm::{Comm, Parcels, Solo};
+pub use world::World;

@@ -7,17 +7,28 @@
 use std::ffi::{c_int, c_void};
 
 use hdf5::types::H5Type;
-use hdf5::{Dataset, Dataspace, Datatype, PropertyList, Result, h5check};
+use hdf5::{Dataset, Dataspace, Datatype, File, PropertyList, Result, h5check};
 use hdf5_sys::h5d::H5Dwrite;
 use hdf5_sys::h5i::hid_t;
-use hdf5_sys::h5p::{H5FD_mpio_xfer_t, H5P_CLS_DATASET_XFER, H5Pcreate, H5Pset_dxpl_mpio};
+use hdf5_sys::h5p::{H5P_CLS_DATASET_XFER, H5Pcreate};
 use hdf5_sys::h5s::{H5S_seloper_t, H5Sselect_hyperslab, H5Sselect_none};
 
-// Not in hdf5-metno-sys. The mode is an enumeration, received as an int because a later library may return a value
-// that today's list does not have.
+use super::mpio;
+use crate::domain::world::Communicator;
+
+// Not in hdf5-metno-sys; since HDF5 1.10.2.
 unsafe extern "C" {
-    fn H5Pget_mpio_actual_io_mode(list: hid_t, mode: *mut c_int) -> c_int;
-    fn H5Pget_mpio_no_collective_cause(list: hid_t, local: *mut u32, global: *mut u32) -> c_int;
+    fn H5Fincrement_filesize(file: hid_t, bytes: u64) -> c_int;
+}
+
+/// Has new parts of `file`, open through the serial driver, begin `bytes` behind its end on the disk, wherever it takes its
+/// own end to be.
+pub fn begin_behind_the_end(file: &File, bytes: u64) -> Result<()> {
+    hdf5::sync::sync(|| {
+        // SAFETY: the file is open for writing; the call only moves the end of what is allocated.
+        h5check(unsafe { H5Fincrement_filesize(file.id(), bytes) })
+    })?;
+    Ok(())
 }
 
 /// What one row of a dataset is made of: one number or a few.
@@ -59,25 +70,22 @@ unsafe impl<const W: usize> Row for [i64; W] {
 pub struct Transfer {
     together: PropertyList,
     alone: PropertyList,
-    parallel: bool,
+    communicator: Option<Communicator>,
 }
 
 impl Transfer {
-    /// `parallel`: the file is open on several ranks through MPI-IO. Otherwise both ways are the same plain write.
-    pub fn new(parallel: bool) -> Result<Self> {
+    /// `communicator`: of the ranks on which the file is open through MPI-IO. Without, both ways are the same plain write.
+    pub fn new(communicator: Option<Communicator>) -> Result<Self> {
         let (together, alone) = (transfer_list()?, transfer_list()?);
-        if parallel {
-            hdf5::sync::sync(|| {
-                // SAFETY: the list is a live transfer property list; the call only sets a value in it.
-                h5check(unsafe { H5Pset_dxpl_mpio(together.id(), H5FD_mpio_xfer_t::H5FD_MPIO_COLLECTIVE) })
-            })?;
+        if let Some(communicator) = communicator {
+            mpio::write_collectively(&together, communicator)?;
         }
-        Ok(Transfer { together, alone, parallel })
+        Ok(Transfer { together, alone, communicator })
     }
 
     /// Whether the file is open through MPI-IO.
     pub fn is_parallel(&self) -> bool {
-        self.parallel
+        self.communicator.is_some()
     }
 
     /// Collective. Writes this rank's `rows`, possibly none, to `dataset` from row `first` on. The dataset must
@@ -114,26 +122,10 @@ impl Transfer {
 
     /// How HDF5 really made the last `write_together`: it may fall back to independent writes without an error.
     pub fn report(&self) -> Result<String> {
-        if !self.parallel {
-            return Ok("serial".to_string());
+        match self.communicator {
+            None => Ok("serial".to_string()),
+            Some(communicator) => mpio::report(&self.together, communicator),
         }
-        let (mut mode, mut local, mut global) = (0, 0, 0);
-        hdf5::sync::sync(|| {
-            // SAFETY: the list is a live transfer property list, and the result outlives the call.
-            h5check(unsafe { H5Pget_mpio_actual_io_mode(self.together.id(), &mut mode) })?;
-            // SAFETY: the same, with two results.
-            h5check(unsafe { H5Pget_mpio_no_collective_cause(self.together.id(), &mut local, &mut global) })
-        })?;
-        Ok(match mode {
-            0 => format!(
-                "independent (cause {local:#x} on this rank, {global:#x} on all; H5D_MPIO_* in H5Dpublic.h)"
-            ),
-            1 => "chunk independent".to_string(),
-            2 => "chunk collective".to_string(),
-            3 => "chunk mixed".to_string(),
-            4 => "contiguous collective".to_string(),
-            other => format!("unknown to this program (H5D_mpio_actual_io_mode_t = {other})"),
-        })
     }
 }
 

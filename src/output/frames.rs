@@ -6,12 +6,12 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use hdf5::plist::dataset_create::FillTime;
-use hdf5::plist::file_access::{FileAccess, MetadataWriteStrategy};
+use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, Extent, File, FileBuilder, Group, Location, Result};
 
 use super::collective::{Row, Transfer};
+use super::mpio;
 use super::{Measures, Quantity, Rows, RunInfo};
 use crate::domain::comm::Comm;
 use crate::ode::Limit;
@@ -165,7 +165,7 @@ impl Frames {
         count: u64,
         rotation: bool,
     ) -> Result<Self> {
-        let transfer = Transfer::new(comm.raw().is_some())?;
+        let transfer = Transfer::new(comm.raw())?;
         let writes_small = comm.rank() == 0;
         let root = ground.group(&file, "VTKHDF")?;
         let point_data = ground.group(&root, "PointData")?;
@@ -369,7 +369,7 @@ impl Frames {
 
     /// The part of `growth` for arrays with one row per frame.
     fn small_growth(&self, k: u64) -> u64 {
-        if k.is_multiple_of(FRAMES_PER_CHUNK) { 64 * (FRAMES_PER_CHUNK * 32 + INDEX_BYTES) } else { 0 }
+        if k.is_multiple_of(FRAMES_PER_CHUNK) { small_arrays() } else { 0 }
     }
 
     fn count_up(&self, measures: &Measures) -> Result<()> {
@@ -404,16 +404,26 @@ impl Frames {
 }
 
 /// How the file is opened. Collective, like the call that opens it.
-fn options(comm: &dyn Comm) -> Result<FileBuilder> {
+pub(super) fn options(comm: &dyn Comm) -> Result<FileBuilder> {
     let mut options = File::with_options();
+    // The default until HDF5 2.0 chose another: whatever library writes, the file is the same, older ones read it, and
+    // it opens after a kill.
+    options.with_fapl(|access| access.libver_earliest());
     if let Some(communicator) = comm.raw() {
-        // One rank writes all metadata, in one sweep. By default all ranks share them out: when one was killed
-        // a little before the others, half of an update was in the file (tried).
-        let mut cache = FileAccess::try_new()?.get_mdc_config()?;
-        cache.metadata_write_strategy = MetadataWriteStrategy::ProcessZeroOnly;
-        options.with_fapl(|access| access.mpio(communicator, None).mdc_config(&cache));
+        mpio::open_together(&mut options, communicator)?;
     }
     Ok(options)
+}
+
+/// Bytes that one frame of `count` particles may add to a file at most.
+pub(super) fn largest_growth(count: u64) -> u64 {
+    let rows = rows_per_chunk(count);
+    3 * (count.div_ceil(rows) + 1) * (rows * VECTOR_BYTES + INDEX_BYTES) + small_arrays()
+}
+
+/// Bytes of a chunk of all arrays with one row per frame.
+fn small_arrays() -> u64 {
+    64 * (FRAMES_PER_CHUNK * 32 + INDEX_BYTES)
 }
 
 /// What a file holds when it is laid out.
@@ -508,6 +518,8 @@ fn growing<R: Row>(group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dat
         [vec![Extent::resizable(0)], R::SHAPE.iter().map(|&n| Extent::fixed(n)).collect()].concat();
     let chunk = [&[rows_per_chunk as usize], R::SHAPE].concat();
     let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
+    // As parallel HDF5 does: ranks that go on with a file have no place for a chunk otherwise.
+    let builder = builder.alloc_time(Some(AllocTime::Early));
     // Nothing is read again: without a cache, chunks are written from where they are.
     builder.shape(extents).chunk(chunk).chunk_cache(1, 0, 1.0).create(name)
 }

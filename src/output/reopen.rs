@@ -10,8 +10,9 @@ use hdf5::types::VarLenUnicode;
 use hdf5::{Attribute, Dataset, File, Group};
 
 use super::RunInfo;
-use super::collective::Transfer;
-use super::frames::put_scene;
+use super::collective::{Transfer, begin_behind_the_end};
+use super::frames::{largest_growth, options, put_scene};
+use crate::domain::Solo;
 use crate::start::Start;
 
 /// What a file tells of the run that wrote it.
@@ -84,14 +85,20 @@ pub fn frame(file: &File, k: u64, count: u64) -> Result<Start, String> {
 /// describes and that is not completed.
 pub fn prepare(path: &Path, frames: u64, info: &RunInfo) -> Result<(), String> {
     let prepared = || -> hdf5::Result<()> {
-        let file = File::open_rw(path)?;
+        let file = options(&Solo)?.open_rw(path)?;
         let root = file.group("VTKHDF")?;
         let steps = root.group("Steps")?;
+        let run = file.group("run")?;
+        if run.attr("stopped_by").is_err() && run.attr("completed")?.read_scalar::<i64>()? == 0 {
+            // Killed, perhaps within a flush: the trees of the arrays may know of chunks beyond the end that the file
+            // recorded, and what begins there would be written over them. They are of one frame.
+            let count = root.dataset("PointData/id")?.size() as u64;
+            begin_behind_the_end(&file, largest_growth(count))?;
+        }
         // Never more times than NSteps says: VTK's reader crashes.
         shorten(&steps, &["Values"], frames)?;
         steps.attr("NSteps")?.write_scalar(&(frames as i64))?;
         shorten(&root, &["NumberOfPoints"], frames)?;
-        let run = file.group("run")?;
         let series = run.group("series")?;
         let names = series.member_names()?;
         shorten(&series, &names.iter().map(String::as_str).collect::<Vec<_>>(), frames)?;
@@ -109,7 +116,7 @@ pub fn prepare(path: &Path, frames: u64, info: &RunInfo) -> Result<(), String> {
         } else {
             run.unlink("scene_text")?;
         }
-        put_scene(&run, &Transfer::new(false)?, &info.scene, true)?;
+        put_scene(&run, &Transfer::new(None)?, &info.scene, true)?;
         file.close()
     };
     prepared().map_err(say)

@@ -293,6 +293,36 @@ fn seconds_of_a_killed_run_are_those_of_its_last_frame() {
 }
 
 #[test]
+fn a_run_goes_on_in_a_file_that_does_not_know_of_its_last_chunks() {
+    // Their first frame was killed after the trees were on the disk and before the end of the file was.
+    let (_folder, path) = place();
+    let mut output = create(&path, false, "");
+    let end = 40..48; // of the superblock: where the file ends
+    let mut old = Vec::new();
+    for k in 0..915 {
+        append(&mut output, k, false);
+        if k == 900 {
+            old = std::fs::read(&path).unwrap()[end.clone()].to_vec();
+        }
+    }
+    drop(output);
+    let mut bytes = std::fs::read(&path).unwrap();
+    assert!(bytes[end.clone()] != old[..], "a chunk holds less than 910 frames of 3 particles");
+    bytes[end].copy_from_slice(&old);
+    std::fs::write(&path, bytes).unwrap();
+    super::prepare(&path, 912, &info("")).unwrap();
+    let mut output = Output::open(&Solo, &path, false, COUNT, false, 912).unwrap();
+    (912..1830).for_each(|k| append(&mut output, k, false));
+    output.finish(&measures(1830), CHOICE, None).unwrap();
+    let file = File::open(&path).unwrap();
+    assert_eq!(frames_in(&file), 1830);
+    let expected = |q| (0..1830).flat_map(|k| vectors(k, q).concat()).collect::<Vec<f64>>();
+    assert_eq!(reals(&file, "VTKHDF/Points"), expected(0.5));
+    assert_eq!(reals(&file, "VTKHDF/PointData/velocity"), expected(1.5));
+    assert_eq!(reals(&file, "run/series/time"), (0..1830).map(|k| 0.25 * f64::from(k)).collect::<Vec<_>>());
+}
+
+#[test]
 fn a_fixed_step_is_an_attribute_only_of_a_method_that_has_one() {
     let (_folder, file) = described(0, |_| ());
     assert!(file.group("run").unwrap().attr("step").is_err());

@@ -68,9 +68,9 @@ impl Job {
         Job::new(None, folder, arguments)
     }
 
-    /// Under mpirun, in `folder`.
+    /// Under mpirun, in `folder`; alone where the program is built without MPI, whose answer is the same.
     pub fn on(ranks: usize, folder: &Path, arguments: &[&str]) -> Self {
-        Job::new(Some(ranks), folder, arguments)
+        Job::new(cfg!(feature = "mpi").then_some(ranks), folder, arguments)
     }
 
     /// A shell that may mount file systems nobody else sees, in `folder`; `$PROGRAM` is the program.
@@ -105,8 +105,11 @@ impl Job {
         self.with_variable_of(rank, "FAILPOINTS", points)
     }
 
-    /// A variable of one rank.
+    /// A variable of one rank, or of the only one.
     pub fn with_variable_of(mut self, rank: usize, name: &str, value: &str) -> Self {
+        if self.ranks.is_none() {
+            return self.with_variable(name, value);
+        }
         self.of_rank = Some((rank, name.into(), value.into()));
         self
     }
@@ -216,8 +219,11 @@ impl Running {
         self.child.id()
     }
 
-    /// The process of `rank`: the child of mpirun whose environment says so.
+    /// The process of `rank`: the child of mpirun whose environment says so, or the only one in a build without MPI.
     pub fn process_of(&self, rank: usize) -> u32 {
+        if !cfg!(feature = "mpi") {
+            return self.process();
+        }
         let mark = format!("OMPI_COMM_WORLD_RANK={rank}");
         let is_rank = |pid: &u32| {
             let environment = fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();

@@ -224,9 +224,6 @@ impl Comm for Fuel {
     fn ranks_on_node(&self) -> usize {
         1
     }
-    fn raw(&self) -> Option<mpi::ffi::MPI_Comm> {
-        None
-    }
     fn abort(&self, code: i32) -> ! {
         panic!("aborted with {code}")
     }

@@ -4,8 +4,7 @@
 use crate::judge::{faults, run};
 use crate::mpirun::Job;
 use crate::scene::{Case, cases};
-use demhybrid::domain::{Comm, Solo, World};
-use mpi::Threading;
+use demhybrid::domain::{Comm, Solo, world};
 
 /// Set where this test is one of the ranks.
 const RANK: &str = "DEMHYBRID_HARD_CASE_RANK";
@@ -15,6 +14,7 @@ const TEST: &str = "ranks::three_ranks_end_as_one_does_to_the_last_bit";
 const PATIENCE: u64 = 600;
 
 #[test]
+#[cfg_attr(not(feature = "mpi"), ignore = "a build without MPI has one rank")]
 fn three_ranks_end_as_one_does_to_the_last_bit() {
     if std::env::var_os(RANK).is_some() {
         return be_a_rank();
@@ -46,12 +46,11 @@ fn digest(case: &Case, comm: &dyn Comm) -> String {
 
 /// One of the three.
 fn be_a_rank() {
-    let (universe, threading) = mpi::initialize_with_threading(Threading::Funneled).expect("MPI starts");
-    assert!(threading >= Threading::Funneled);
-    let world = World::new(universe.world());
+    let session = world::start().expect("MPI starts");
+    let world = &session.world;
     assert_eq!(world.size(), 3);
     demhybrid::launch::report_panics(world.rank());
-    let all = || cases().iter().map(|case| digest(case, &world)).collect::<Vec<_>>();
+    let all = || cases().iter().map(|case| digest(case, world)).collect::<Vec<_>>();
     // A rank that fails alone must not keep the others waiting.
     let Ok(digests) = std::panic::catch_unwind(std::panic::AssertUnwindSafe(all)) else { world.abort(1) };
     if world.rank() == 0 {

@@ -1,7 +1,6 @@
 //! Ranks as threads of one process, so that unit tests reach everything that several ranks do without MPI.
 
 use super::{Comm, Parcels};
-use mpi::ffi::MPI_Comm;
 use std::collections::HashMap;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
@@ -119,9 +118,6 @@ impl Comm for Member<'_> {
     }
     fn ranks_on_node(&self) -> usize {
         self.table.size
-    }
-    fn raw(&self) -> Option<MPI_Comm> {
-        None
     }
     fn abort(&self, code: i32) -> ! {
         panic!("rank {} aborts with {code}", self.rank)
