@@ -28,11 +28,14 @@ pub fn speaks_first() -> bool {
 /// Refuses to run when the launcher belongs to another MPI than the program, or the program was built without: it would
 /// run as many times as there are ranks, and every copy would write the same file. The first copy says so.
 pub fn check_launcher(world_size: usize) -> Result<(), Error> {
-    // srun sets these for every step. Where MPI has found its ranks they are as many, or parts of a larger job.
-    let of_step = [SLURM_STEP_SIZE, SLURM_RANK].map(|name| number(&[name]).filter(|_| world_size == 1));
-    match number(&WORLD_SIZE).or(of_step[0]) {
-        Some(started) if started != world_size => {
-            if number(&WORLD_RANK).or(of_step[1]).is_some_and(|rank| rank > 0) {
+    let told = match number(&WORLD_SIZE) {
+        Some(size) => [Some(size), number(&WORLD_RANK)],
+        // srun sets these for every step. Where MPI has found its ranks they are as many, or parts of a larger job.
+        None => [SLURM_STEP_SIZE, SLURM_RANK].map(|name| number(&[name]).filter(|_| world_size == 1)),
+    };
+    match told {
+        [Some(started), rank] if started != world_size => {
+            if rank.is_some_and(|rank| rank > 0) {
                 return Err(Error::Elsewhere { code: Error::Input(String::new()).exit_code() });
             }
             let why = world::foreign_launcher(world_size);
