@@ -2,8 +2,7 @@
 //!
 //! Indented blocks and blocks fenced as `sh` are commands, one a line (a line that ends with `\` goes on); `python` is a
 //! script for the readers' Python; `toml` is a scene, saved under the name in its first comment (else scene.toml) and checked
-//! with --dry-run; `text` is output. Any other fence is a mistake. The word `awaited` behind `sh` leaves a block out until
-//! the command that it shows has landed: delete the word then.
+//! with --dry-run; `text` is output. Any other fence is a mistake.
 //!
 //! `demhybrid` is a script of the test: a plain `cargo test` ends scenes at t = 0.3 s (1.2 s with a limit of wall time) where
 //! the command does not say itself when it ends; with the feature `long-tests` commands run as they stand. What cannot run is on the list below.
@@ -83,11 +82,11 @@ const WRAPPER: &str = r#"#!/bin/sh
 # A scene ends early unless the command says itself when; one with a limit of wall time later, to reach the limit.
 t_end=0.3
 case " $* " in
-*" --dry-run "* | *" --set t_end="*) SHORTEN= ;;
+*" --dry-run "* | *" --set t_end="* | *" --gather "*) SHORTEN= ;;
 *" --set limits.wall="*) t_end=1.2 ;;
 esac
 case "$SHORTEN $1" in
-"yes "*.toml) set -- "$@" --set t_end=$t_end ;;
+"yes "*.toml | "yes ensemble") set -- "$@" --set t_end=$t_end ;;
 esac
 exec "$PROGRAM" "$@"
 "#;
@@ -124,7 +123,7 @@ fn items(text: &str) -> Result<Vec<Item>, String> {
                     let name = name.filter(|name| name.ends_with(".toml")).unwrap_or("scene.toml");
                     found.push(Item::Scene(name.to_owned(), block.join("\n") + "\n"));
                 }
-                "text" | "sh awaited" => {}
+                "text" => {}
                 _ => return Err(format!("a block of an unknown kind: ```{kind}")),
             }
             after_blank = true;
@@ -273,7 +272,7 @@ fn a_block_that_nobody_knows_is_a_mistake() {
     assert_eq!(found[3], Item::Scene("a.toml".to_owned(), "# a.toml\n".to_owned()));
     assert!(items("```perl\n```\n").unwrap_err().contains("perl"));
     assert!(items("```sh\n").unwrap_err().contains("no end"));
-    assert_eq!(items("```sh awaited\nx\n```\nA line\n    that is wrapped\n").unwrap(), []);
+    assert_eq!(items("```text\nx\n```\nA line\n    that is wrapped\n").unwrap(), []);
     assert!(plan("rm -rf /").unwrap_err().contains("unknown command"));
     assert!(plan("sbatch --array=1-10 launch/slurm.sbatch bed.toml").unwrap().run.is_some());
     assert!(plan("apt install x").is_err() && plan("qsub x").unwrap().run.is_none());
