@@ -4,7 +4,8 @@
 //! `gap` the distance between the surfaces (negative: overlap) and `v_rel` the velocity of i relative to the partner:
 //! n = (x_i - x_j)/d for a pair, n = -n_k for wall k.
 
-use crate::particle::{Spin, Vec3, dot, minus, plus, scaled};
+use crate::elementary::{Arithmetic, Separate, at_least, at_most, exp, exp_within, inverse, inverse_root};
+use crate::particle::{Spin, Vec3, add_scaled, dot, scaled};
 
 /// What a contact does to particle i. Its partner j feels the opposite force and the *same* torque:
 /// both n and F_fr change sign in eq. (2.11).
@@ -27,7 +28,7 @@ impl<W: Spin> Action<W> {
 /// How much of the repulsion remains at a given closing speed, eq. (2.4).
 pub trait Rebound: Copy + Send + Sync + 'static {
     /// Share of the repulsion kept at closing speed `v` (m/s, positive when approaching), eq. (2.4).
-    fn share(&self, v: f64) -> f64;
+    fn share<A: Arithmetic>(&self, v: f64) -> f64;
 }
 
 /// e = 1: nothing is lost, and nothing is computed.
@@ -51,7 +52,7 @@ impl Dissipative {
 
 impl Rebound for Elastic {
     #[inline(always)]
-    fn share(&self, _v: f64) -> f64 {
+    fn share<A: Arithmetic>(&self, _v: f64) -> f64 {
         1.0
     }
 }
@@ -59,9 +60,11 @@ impl Rebound for Elastic {
 impl Rebound for Dissipative {
     /// e^2 when separating, 1 when approaching, smooth between so that the step control works.
     /// (1 + tanh z)/2 = 1/(1 + exp(-2z)) keeps all digits, where tanh by exponentials loses them near 0.
+    /// Beyond e^80 the exponential is as good as infinite: rho is e^2 to 1e-35.
     #[inline(always)]
-    fn share(&self, v: f64) -> f64 {
-        self.e2 + self.lost / (1.0 + exp(-self.two_psi * v))
+    fn share<A: Arithmetic>(&self, v: f64) -> f64 {
+        let exponential = exp_within::<A>(at_least(-80.0, at_most(80.0, -self.two_psi * v)));
+        A::add_product(self.lost, inverse::<A>(1.0 + exponential), self.e2)
     }
 }
 
@@ -72,7 +75,7 @@ pub trait Tangential: Copy + Send + Sync + 'static {
 
     /// Friction (N) at the given `slip` (m/s), eqs. (2.6) and (2.9). `repulsion` (N) is the full F of eq. (2.1), not
     /// reduced by the rebound function.
-    fn friction(&self, repulsion: f64, slip: &Vec3) -> Vec3;
+    fn friction<A: Arithmetic>(&self, repulsion: f64, slip: &Vec3) -> Vec3;
 }
 
 /// No friction: the basic variant.
@@ -85,20 +88,24 @@ pub struct Coulomb {
     phi: f64,
     /// 1/v_min, s/m: a division costs as much as ten multiplications.
     inverse_v_min: f64,
+    /// Square (m^2/s^2) of a slip so small that friction is less than its rounding at full strength.
+    least: f64,
 }
 
 impl Coulomb {
     /// Friction coefficient `phi` and speed `v_min` (m/s) from which friction has its full strength.
     pub fn new(phi: f64, v_min: f64) -> Self {
-        Coulomb { phi, inverse_v_min: (1.0 / v_min).min(f64::MAX) }
+        let least = (1e-8 * v_min).powi(2).max(1e-36);
+        Coulomb { phi, inverse_v_min: (1.0 / v_min).min(f64::MAX), least }
     }
 
-    /// Sigma(s)/s of eq. (2.8) in s/m: with this form friction needs no direction t/|t| and is finite at s = 0.
-    /// (v_0 of eq. (2.8) is v_min.)
+    /// Sigma(s)/s of eq. (2.8) in s/m, from the square of the slip s (m^2/s^2): with this form friction needs no
+    /// direction t/|t| and is finite at s = 0. (v_0 of eq. (2.8) is v_min.)
     #[inline(always)]
-    pub fn limiter_over_slip(&self, s: f64) -> f64 {
-        let q = s * self.inverse_v_min;
-        if q < 1.0 { (3.0 - 2.0 * q) * q * self.inverse_v_min } else { 1.0 / s }
+    pub fn limiter_over_slip<A: Arithmetic>(&self, s2: f64) -> f64 {
+        let inverse = inverse_root::<A>(at_least(self.least, s2));
+        let q = s2 * inverse * self.inverse_v_min;
+        if q < 1.0 { A::add_product(-2.0, q, 3.0) * (q * self.inverse_v_min) } else { inverse }
     }
 }
 
@@ -106,7 +113,7 @@ impl Tangential for Frictionless {
     const RUBS: bool = false;
 
     #[inline(always)]
-    fn friction(&self, _repulsion: f64, _slip: &Vec3) -> Vec3 {
+    fn friction<A: Arithmetic>(&self, _repulsion: f64, _slip: &Vec3) -> Vec3 {
         Vec3::zeros()
     }
 }
@@ -115,9 +122,8 @@ impl Tangential for Coulomb {
     const RUBS: bool = true;
 
     #[inline(always)]
-    fn friction(&self, repulsion: f64, slip: &Vec3) -> Vec3 {
-        let s = dot(slip, slip).sqrt();
-        scaled(-self.phi * repulsion * self.limiter_over_slip(s), slip)
+    fn friction<A: Arithmetic>(&self, repulsion: f64, slip: &Vec3) -> Vec3 {
+        scaled(-self.phi * repulsion * self.limiter_over_slip::<A>(dot::<A>(slip, slip)), slip)
     }
 }
 
@@ -141,33 +147,36 @@ pub struct Law<R, T> {
 impl<R: Rebound, T: Tangential> Law<R, T> {
     /// Repulsion at `gap` (m), in N, eq. (2.1).
     #[inline(always)]
-    pub fn repulsion(&self, gap: f64) -> f64 {
-        self.f_0 * exp(-self.kappa * gap)
+    pub fn repulsion<A: Arithmetic>(&self, gap: f64) -> f64 {
+        self.f_0 * exp::<A>(-self.kappa * gap)
     }
 
     /// Energies of contacts under this law.
     pub fn energies(&self) -> Energies<'_, R, T> {
-        Energies { law: self, share: self.rebound.share(0.0), least: self.repulsion(self.l_max) }
+        let (share, least) = (self.rebound.share::<Separate>(0.0), self.repulsion::<Separate>(self.l_max));
+        Energies { law: self, share, least }
     }
 
     /// Force and torque on particle i by one contact, eqs. (2.3), (2.5), (2.6), (2.9), (2.11), (2.12).
     /// `gap` (m) must not exceed `l_max`; `v_rel` (m/s) is the velocity of i relative to its partner's centre;
     /// `spins` (rad/s) is w_i + w_j, with w_j = 0 for a wall.
     #[inline(always)]
-    pub fn action<W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Action<W> {
-        let opening = dot(n, v_rel);
-        let repulsion = self.repulsion(gap);
-        let mut action =
-            Action { force: scaled(repulsion * self.rebound.share(-opening), n), torque: W::zero() };
-        if T::RUBS {
-            // Eqs. (2.7) and (2.10).
-            let tangent = minus(v_rel, &scaled(opening, n));
-            let slip = minus(&tangent, &spins.surface_velocity(self.r, n));
-            let friction = self.tangential.friction(repulsion, &slip);
-            action.force = plus(&action.force, &friction);
-            action.torque = W::torque(self.r, n, &friction);
+    pub fn action<A: Arithmetic, W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Action<W> {
+        let opening = dot::<A>(n, v_rel);
+        let repulsion = self.repulsion::<A>(gap);
+        let normal = repulsion * self.rebound.share::<A>(-opening);
+        if !T::RUBS {
+            return Action { force: scaled(normal, n), torque: W::zero() };
         }
-        action
+        let friction = self.tangential.friction::<A>(repulsion, &self.slip::<A, W>(opening, n, v_rel, spins));
+        Action { force: add_scaled::<A>(normal, n, &friction), torque: W::torque::<A>(self.r, n, &friction) }
+    }
+
+    /// Velocity of the surface of i at the contact relative to its partner's, m/s, eqs. (2.7) and (2.10); `opening` is
+    /// n . v_rel.
+    #[inline(always)]
+    fn slip<A: Arithmetic, W: Spin>(&self, opening: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Vec3 {
+        spins.less_surface_velocity::<A>(self.r, n, &add_scaled::<A>(-opening, n, v_rel))
     }
 }
 
@@ -185,8 +194,8 @@ impl<R: Rebound, T: Tangential> Energies<'_, R, T> {
     /// Energy stored in a contact at rest at any `gap` (m), in J: the integral of rho(0) F up to `l_max`.
     /// With this share H of docs/design.md never grows, whatever the speeds.
     #[inline(always)]
-    pub fn stored(&self, gap: f64) -> f64 {
-        let energy = self.share * (self.law.repulsion(gap) - self.least) / self.law.kappa;
+    pub fn stored<A: Arithmetic>(&self, gap: f64) -> f64 {
+        let energy = self.share * (self.law.repulsion::<A>(gap) - self.least) / self.law.kappa;
         if gap <= self.law.l_max { energy } else { 0.0 }
     }
 
@@ -194,59 +203,25 @@ impl<R: Rebound, T: Tangential> Energies<'_, R, T> {
     /// v the closing speed, which is never negative; and by friction, -F_fr . t. Arguments as for [`Law::action`], at
     /// any gap.
     #[inline(always)]
-    pub fn dissipation<W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2] {
+    pub fn dissipation<A: Arithmetic, W: Spin>(
+        &self,
+        gap: f64,
+        n: &Vec3,
+        v_rel: &Vec3,
+        spins: &W,
+    ) -> [f64; 2] {
         let law = self.law;
-        let closing = -dot(n, v_rel);
-        let repulsion = law.repulsion(gap);
-        let rebound = (law.rebound.share(closing) - self.share) * repulsion * closing;
+        let opening = dot::<A>(n, v_rel);
+        let repulsion = law.repulsion::<A>(gap);
+        let rebound = (self.share - law.rebound.share::<A>(-opening)) * repulsion * opening;
         let mut friction = 0.0;
         if T::RUBS {
-            let tangent = plus(v_rel, &scaled(closing, n));
-            let slip = minus(&tangent, &spins.surface_velocity(law.r, n));
-            friction = -dot(&law.tangential.friction(repulsion, &slip), &slip);
+            let slip = law.slip::<A, W>(opening, n, v_rel, spins);
+            friction = -dot::<A>(&law.tangential.friction::<A>(repulsion, &slip), &slip);
         }
         // What is not a number is not far: it must show.
         let far = gap > law.l_max;
         [if far { 0.0 } else { rebound }, if far { 0.0 } else { friction }]
-    }
-}
-
-/// e^x within 2 ulp, without a branch, a table or a library call, from additions and multiplications alone: the
-/// same bits on every machine, and ready for vector units. Below -708 it is 0, above 709 +infinity.
-#[inline(always)]
-pub fn exp(x: f64) -> f64 {
-    const LOG2_E: f64 = std::f64::consts::LOG2_E;
-    // ln 2 in two parts; the high one has 32 trailing zero bits, so k * LN2_HIGH is exact.
-    const LN2_HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
-    const LN2_LOW: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
-    // Adding and subtracting 1.5 * 2^52 rounds to the nearest integer.
-    const ROUND: f64 = 6755399441055744.0;
-    let clamped = x.clamp(-708.0, 709.0);
-    let shifted = clamped * LOG2_E + ROUND;
-    let k = shifted - ROUND;
-    let s = (clamped - k * LN2_HIGH) - k * LN2_LOW;
-    // Taylor to degree 13 on |s| <= ln(2)/2: the remainder is 4e-18. Even and odd halves shorten the chain.
-    let s2 = s * s;
-    let s4 = s2 * s2;
-    let s8 = s4 * s4;
-    let p2 = 1.0 / 2.0 + s * (1.0 / 6.0);
-    let p4 = 1.0 / 24.0 + s * (1.0 / 120.0);
-    let p6 = 1.0 / 720.0 + s * (1.0 / 5040.0);
-    let p8 = 1.0 / 40320.0 + s * (1.0 / 362880.0);
-    let p10 = 1.0 / 3628800.0 + s * (1.0 / 39916800.0);
-    let p12 = 1.0 / 479001600.0 + s * (1.0 / 6227020800.0);
-    let tail = (p2 + s2 * p4) + s4 * (p6 + s2 * p8) + s8 * (p10 + s2 * p12);
-    let p = 1.0 + (s + s2 * tail);
-    // 2^k by its exponent bits: k + 1023 is within 2..=2046 after clamping, and k is in the lowest bits of `shifted`;
-    // a conversion to an integer would not be a vector instruction everywhere.
-    let power = f64::from_bits((shifted.to_bits().wrapping_add(1023)) << 52);
-    let y = p * power;
-    if x < -708.0 {
-        0.0
-    } else if x > 709.0 {
-        f64::INFINITY
-    } else {
-        y
     }
 }
 
@@ -262,62 +237,39 @@ mod tests {
     }
 
     #[test]
-    fn exp_is_within_two_units_in_the_last_place() {
-        let mut worst = 0.0f64;
-        for k in 0..400_001 {
-            let x = -700.0 + 1400.0 * k as f64 / 400_000.0 + 1e-7;
-            let exact = x.exp();
-            let ulp = f64::from_bits(exact.to_bits() + 1) - exact;
-            worst = worst.max((exp(x) - exact).abs() / ulp);
-        }
-        assert!(worst <= 2.0, "{worst} ulp");
-    }
-
-    #[test]
-    fn exp_has_no_surprises_at_its_ends() {
-        assert_eq!(exp(0.0), 1.0);
-        assert_eq!(exp(f64::NEG_INFINITY), 0.0);
-        assert_eq!(exp(-709.0), 0.0);
-        assert_eq!(exp(710.0), f64::INFINITY);
-        assert_eq!(exp(f64::INFINITY), f64::INFINITY);
-        assert!(exp(f64::NAN).is_nan());
-        assert!(exp(709.0).is_finite());
-    }
-
-    #[test]
     fn rebound_goes_from_one_to_e_squared_through_their_mean() {
         let rho = Dissipative::new(0.4, 10.0);
-        assert!((rho.share(0.0) - 0.58).abs() < 1e-15);
-        assert!((rho.share(10.0) - 1.0).abs() < 1e-15);
-        assert!((rho.share(-10.0) - 0.16).abs() < 1e-15);
-        assert_eq!(rho.share(-1e9), 0.4 * 0.4);
+        assert!((rho.share::<Separate>(0.0) - 0.58).abs() < 1e-15);
+        assert!((rho.share::<Separate>(10.0) - 1.0).abs() < 1e-15);
+        assert!((rho.share::<Separate>(-10.0) - 0.16).abs() < 1e-15);
+        assert_eq!(rho.share::<Separate>(-1e9), 0.4 * 0.4);
         // Against the printed form of eq. (2.4).
         for v in [-0.3, -0.01, 1e-9, 0.02, 0.7] {
             let printed = 0.16 + 0.5 * (1.0 - 0.16) * (1.0 + f64::tanh(10.0 * v));
-            assert!((rho.share(v) - printed).abs() < 1e-15);
+            assert!((rho.share::<Separate>(v) - printed).abs() < 1e-15);
         }
-        assert_eq!(Dissipative::new(1.0, 10.0).share(-0.2), Elastic.share(-0.2));
+        assert_eq!(Dissipative::new(1.0, 10.0).share::<Separate>(-0.2), Elastic.share::<Separate>(-0.2));
     }
 
     #[test]
     fn limiter_is_smooth_at_its_threshold_and_finite_without_slip() {
         let c = Coulomb::new(0.2, 0.01);
-        assert_eq!(c.limiter_over_slip(0.0), 0.0);
-        let sigma = |s: f64| s * c.limiter_over_slip(s);
+        assert_eq!(c.limiter_over_slip::<Separate>(0.0), 0.0);
+        let sigma = |s: f64| s * c.limiter_over_slip::<Separate>(s * s);
         assert!((sigma(0.01) - 1.0).abs() < 1e-14);
         assert!((sigma(0.005) - 0.5).abs() < 1e-14);
         // The slope vanishes at v_min from below, as it does above.
         let slope = (sigma(0.01) - sigma(0.01 - 1e-6)) / 1e-6;
         assert!(slope.abs() < 0.05, "{slope}: its largest value inside is 150");
         assert_eq!(sigma(3.0), 1.0);
-        assert_eq!(Coulomb::new(0.2, 1e-200).limiter_over_slip(0.0), 0.0);
+        assert_eq!(Coulomb::new(0.2, 1e-200).limiter_over_slip::<Separate>(0.0), 0.0);
     }
 
     #[test]
     fn repulsion_at_contact_is_f_0_and_falls_by_e_over_one_over_kappa() {
         let law = law(Frictionless);
-        assert_eq!(law.repulsion(0.0), 10.0);
-        assert!((law.repulsion(1.0 / 150.0) - 10.0 / std::f64::consts::E).abs() < 1e-14);
+        assert_eq!(law.repulsion::<Separate>(0.0), 10.0);
+        assert!((law.repulsion::<Separate>(1.0 / 150.0) - 10.0 / std::f64::consts::E).abs() < 1e-14);
     }
 
     #[test]
@@ -326,7 +278,7 @@ mod tests {
         let n = Vec3::x();
         let w = Vec3::new(0.0, 0.0, 4.0);
         let v_rel = w.cross(&n) * R;
-        let action = law(Coulomb::new(0.2, 0.01)).action(-0.001, &n, &v_rel, &Spinning(w));
+        let action = law(Coulomb::new(0.2, 0.01)).action::<Separate, _>(-0.001, &n, &v_rel, &Spinning(w));
         assert_eq!(action.torque.0, Vec3::zeros());
         assert_eq!(action.force.y, 0.0);
         assert!(action.force.x > 0.0);
@@ -335,11 +287,11 @@ mod tests {
     #[test]
     fn friction_opposes_slip_with_phi_times_the_full_repulsion() {
         let v_rel = Vec3::new(0.3, 0.5, 0.0);
-        let action = law(Coulomb::new(0.2, 0.01)).action(-0.002, &Vec3::x(), &v_rel, &Locked);
+        let action = law(Coulomb::new(0.2, 0.01)).action::<Separate, _>(-0.002, &Vec3::x(), &v_rel, &Locked);
         let f = 10.0 * (0.3f64).exp();
         // Not reduced by rho although the contact is opening: see docs/design.md on the effective friction.
         assert!((action.force.y + 0.2 * f).abs() < 1e-12);
-        assert!((action.force.x - f * Dissipative::new(0.4, 10.0).share(-0.3)).abs() < 1e-12);
+        assert!((action.force.x - f * Dissipative::new(0.4, 10.0).share::<Separate>(-0.3)).abs() < 1e-12);
     }
 
     #[test]
@@ -348,8 +300,8 @@ mod tests {
         let n = Vec3::new(0.6, -0.48, 0.64);
         let v = Vec3::new(0.1, 0.7, -0.2);
         let spins = Spinning(Vec3::new(3.0, -1.0, 2.0));
-        let on_i = law.action(-0.003, &n, &v, &spins);
-        let on_j = law.action(-0.003, &-n, &-v, &spins);
+        let on_i = law.action::<Separate, _>(-0.003, &n, &v, &spins);
+        let on_j = law.action::<Separate, _>(-0.003, &-n, &-v, &spins);
         assert_eq!(on_i.force, -on_j.force);
         assert_eq!(on_i.torque, on_j.torque);
     }
@@ -359,8 +311,9 @@ mod tests {
         let law = law(Frictionless);
         let (a, b, steps) = (-0.01, 0.1, 200_000);
         let width = (b - a) / steps as f64;
-        let work: f64 = (0..steps).map(|k| 0.58 * law.repulsion(a + (k as f64 + 0.5) * width) * width).sum();
-        let stored = |gap: f64| law.energies().stored(gap);
+        let work: f64 =
+            (0..steps).map(|k| 0.58 * law.repulsion::<Separate>(a + (k as f64 + 0.5) * width) * width).sum();
+        let stored = |gap: f64| law.energies().stored::<Separate>(gap);
         assert!((stored(a) - work).abs() < 1e-9 * work);
         assert_eq!(stored(0.1), 0.0);
         assert_eq!(stored(0.2), 0.0);

@@ -5,6 +5,7 @@ use crate::domain::halo::{Extent, Halo};
 use crate::domain::migration::{self, Census};
 use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
+use crate::elementary::Separate;
 use crate::error::Error;
 use crate::forces::{Broken, Depth, Dissipated, Forces, Setting, Stored};
 use crate::kernel::InstructionSet;
@@ -391,7 +392,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.comm.max(&mut depths);
         let [depth, overlap] = depths;
         // The closest contact stores most: all ranks work out the same number.
-        let most = law.energies().stored(law.l_max - depth);
+        let most = law.energies().stored::<Separate>(law.l_max - depth);
         let highest = exact::largest(y.len(), height);
         let [energy] = exact::exact_sums(self.comm, [larger(most, highest)], |[scale]| {
             let [stored, _] = forces.total(&Stored(law.energies()), |terms| [scale.integer(terms[0]), 0]);

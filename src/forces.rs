@@ -4,6 +4,7 @@
 
 use crate::contact::{Action, Energies, Law, Rebound, Tangential};
 use crate::container::Wall;
+use crate::elementary::{Arithmetic, Separate};
 use crate::kernel::{self, Batch, InstructionSet, Measure, Survey, Sweep};
 use crate::neighbors::{Block, Key, Lists};
 use crate::ode::{Linear, larger};
@@ -80,7 +81,7 @@ pub struct Depth(pub f64);
 impl<W: Spin> Measure<W> for Depth {
     const MOVES: bool = false;
     #[inline(always)]
-    fn of(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
+    fn of<A: Arithmetic>(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
         let above = |x: f64| if x > 0.0 { x } else { 0.0 };
         [above(self.0 - gap), above(-gap)]
     }
@@ -92,8 +93,8 @@ pub struct Stored<'a, R, T>(pub Energies<'a, R, T>);
 impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Stored<'_, R, T> {
     const MOVES: bool = false;
     #[inline(always)]
-    fn of(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
-        [self.0.stored(gap), 0.0]
+    fn of<A: Arithmetic>(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
+        [self.0.stored::<A>(gap), 0.0]
     }
 }
 
@@ -103,8 +104,8 @@ pub struct Dissipated<'a, R, T>(pub Energies<'a, R, T>);
 impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Dissipated<'_, R, T> {
     const MOVES: bool = true;
     #[inline(always)]
-    fn of(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2] {
-        self.0.dissipation(gap, n, v_rel, spins)
+    fn of<A: Arithmetic>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2] {
+        self.0.dissipation::<A, W>(gap, n, v_rel, spins)
     }
 }
 
@@ -220,10 +221,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             let mut moved = [0.0; 3];
             for ((body, slope), i) in bodies.iter_mut().zip(&mut *slopes).zip(block.range.clone()) {
                 *body = y[i];
-                *slope = Motion { x: body.v, ..Motion::zero() };
+                // By component: a whole one would take a detour over the stack.
+                (slope.x, slope.v, slope.omega) = (y[i].v, Vec3::zeros(), W::zero());
                 for (moved, from) in moved.iter_mut().zip([&origin[i], &start[i], &picked[i]]) {
                     let way = minus(&body.x, from);
-                    *moved = larger(*moved, dot(&way, &way));
+                    *moved = larger(*moved, dot::<Separate>(&way, &way));
                 }
             }
             kernel::add_walls(set, Sweep { law, setting, bodies, block, batch, slopes });
@@ -255,7 +257,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// A wall is a motionless partner with n = -n_k.
     fn wall_action(&self, wall: &Wall, body: &Motion<W>) -> Option<Action<W>> {
         let gap = wall.depth(&body.x) - self.law.r;
-        (gap <= self.law.l_max).then(|| self.law.action(gap, &-wall.normal, &body.v, &body.omega))
+        (gap <= self.law.l_max)
+            .then(|| self.law.action::<Separate, _>(gap, &-wall.normal, &body.v, &body.omega))
     }
 
     /// What a pair in place does to its first particle.
@@ -267,7 +270,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         if gap > self.law.l_max {
             return Action::none();
         }
-        self.law.action(gap, &(apart / d), &(a.v - b.v), &a.omega.plus(&b.omega))
+        self.law.action::<Separate, _>(gap, &(apart / d), &(a.v - b.v), &a.omega.plus(&b.omega))
     }
 
     /// Gap of a pair, m; negative: overlap.

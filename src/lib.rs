@@ -35,6 +35,7 @@ pub mod container;
 pub mod domain;
 pub mod dynamics;
 pub mod effects;
+pub mod elementary;
 pub mod ensemble;
 pub mod error;
 pub mod farm;

@@ -1,6 +1,7 @@
 //! A particle's state of motion, with or without spin. Effects are types: a scene without rotation carries no
 //! spin anywhere, because `Locked` has no size.
 
+use crate::elementary::Arithmetic;
 use crate::ode::{Linear, Weights, larger};
 use nalgebra::Vector3;
 
@@ -12,14 +13,37 @@ pub type Vec3 = Vector3<f64>;
 
 /// a . b
 #[inline(always)]
-pub fn dot(a: &Vec3, b: &Vec3) -> f64 {
-    a.x * b.x + a.y * b.y + a.z * b.z
+pub fn dot<A: Arithmetic>(a: &Vec3, b: &Vec3) -> f64 {
+    A::add_product(a.z, b.z, A::add_product(a.y, b.y, a.x * b.x))
+}
+
+/// s a + b
+#[inline(always)]
+pub fn add_scaled<A: Arithmetic>(s: f64, a: &Vec3, b: &Vec3) -> Vec3 {
+    let component = |a, b| A::add_product(s, a, b);
+    Vec3::new(component(a.x, b.x), component(a.y, b.y), component(a.z, b.z))
 }
 
 /// a x b
 #[inline(always)]
-pub fn cross(a: &Vec3, b: &Vec3) -> Vec3 {
-    Vec3::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+pub fn cross<A: Arithmetic>(a: &Vec3, b: &Vec3) -> Vec3 {
+    let component = |[p, q]: [f64; 2], [r, s]: [f64; 2]| A::add_product(-r, s, p * q);
+    Vec3::new(
+        component([a.y, b.z], [a.z, b.y]),
+        component([a.z, b.x], [a.x, b.z]),
+        component([a.x, b.y], [a.y, b.x]),
+    )
+}
+
+/// a x b + c
+#[inline(always)]
+pub fn add_cross<A: Arithmetic>(a: &Vec3, b: &Vec3, c: &Vec3) -> Vec3 {
+    let component = |[p, q]: [f64; 2], [r, s]: [f64; 2], c| A::add_product(-r, s, A::add_product(p, q, c));
+    Vec3::new(
+        component([a.y, b.z], [a.z, b.y], c.x),
+        component([a.z, b.x], [a.x, b.z], c.y),
+        component([a.x, b.y], [a.y, b.x], c.z),
+    )
 }
 
 /// a + b
@@ -55,10 +79,10 @@ pub trait Spin: Copy + Send + Sync + PartialEq + std::fmt::Debug + 'static {
     fn plus(&self, other: &Self) -> Self;
     /// `s` times this.
     fn scaled(&self, s: f64) -> Self;
-    /// Velocity r w x n of the surface point at the distance `r` (m) along -n from the centre, m/s.
-    fn surface_velocity(&self, r: f64, n: &Vec3) -> Vec3;
+    /// v - r w x n: `v` (m/s) less the velocity of the surface point at the distance `r` (m) along n from the centre.
+    fn less_surface_velocity<A: Arithmetic>(&self, r: f64, n: &Vec3, v: &Vec3) -> Vec3;
     /// Torque -r n x F on a sphere of radius `r` (m) by the force `f` (N) at the point -r n, eqs. (2.11) and (2.12).
-    fn torque(r: f64, n: &Vec3, f: &Vec3) -> Self;
+    fn torque<A: Arithmetic>(r: f64, n: &Vec3, f: &Vec3) -> Self;
     /// Largest component by magnitude; NaN becomes +infinity.
     fn max_abs(&self) -> f64;
 }
@@ -69,6 +93,7 @@ pub struct Locked;
 
 /// A particle that rotates with this angular velocity, rad/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(transparent)]
 pub struct Spinning(pub Vec3);
 
 impl Spin for Locked {
@@ -94,11 +119,11 @@ impl Spin for Locked {
         Locked
     }
     #[inline(always)]
-    fn surface_velocity(&self, _r: f64, _n: &Vec3) -> Vec3 {
-        Vec3::zeros()
+    fn less_surface_velocity<A: Arithmetic>(&self, _r: f64, _n: &Vec3, v: &Vec3) -> Vec3 {
+        *v
     }
     #[inline(always)]
-    fn torque(_r: f64, _n: &Vec3, _f: &Vec3) -> Self {
+    fn torque<A: Arithmetic>(_r: f64, _n: &Vec3, _f: &Vec3) -> Self {
         Locked
     }
     fn max_abs(&self) -> f64 {
@@ -129,12 +154,12 @@ impl Spin for Spinning {
         Spinning(scaled(s, &self.0))
     }
     #[inline(always)]
-    fn surface_velocity(&self, r: f64, n: &Vec3) -> Vec3 {
-        scaled(r, &cross(&self.0, n))
+    fn less_surface_velocity<A: Arithmetic>(&self, r: f64, n: &Vec3, v: &Vec3) -> Vec3 {
+        add_cross::<A>(n, &scaled(r, &self.0), v)
     }
     #[inline(always)]
-    fn torque(r: f64, n: &Vec3, f: &Vec3) -> Self {
-        Spinning(scaled(-r, &cross(n, f)))
+    fn torque<A: Arithmetic>(r: f64, n: &Vec3, f: &Vec3) -> Self {
+        Spinning(cross::<A>(f, &scaled(r, n)))
     }
     #[inline(always)]
     fn max_abs(&self) -> f64 {
@@ -142,8 +167,10 @@ impl Spin for Spinning {
     }
 }
 
-/// Position (m), velocity (m/s) and spin of one particle; or their time derivatives.
+/// Position (m), velocity (m/s) and spin of one particle; or their time derivatives. In this order in memory, so that
+/// neighbouring components can be loaded together.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C)]
 pub struct Motion<W> {
     /// Centre, m; as a derivative, m/s.
     pub x: Vec3,

@@ -4,6 +4,7 @@ use super::union::for_each_pair;
 use crate::contact::Rebound;
 use crate::container;
 use crate::effects;
+use crate::elementary::Separate;
 use crate::particle::Vec3;
 use crate::record::State;
 use crate::scene::Scene;
@@ -41,7 +42,7 @@ pub fn contacts(scene: &Scene, state: &State) -> Vec<Contact> {
         i,
         partner,
         overlap: -gap,
-        force: law.repulsion(gap) * law.rebound.share(-opening),
+        force: law.repulsion::<Separate>(gap) * law.rebound.share::<Separate>(-opening),
     };
     let mut pairs = Vec::new();
     for_each_pair(&x, 2.0 * r, |[i, j]| pairs.push([i.min(j), i.max(j)]));

@@ -4,6 +4,7 @@ use clap::ValueEnum;
 
 use crate::contact::{Dissipative, Frictionless, Law};
 use crate::container;
+use crate::elementary::Separate;
 use crate::neighbors::Lists;
 use crate::particle::{Locked, Vec3};
 use crate::record::State;
@@ -52,7 +53,7 @@ impl Quantity {
                 let law = law(scene);
                 let mut sums = vec![0.0; state.x.len()];
                 for_each_contact(scene, state, law.l_max, |i, gap, n, v_rel| {
-                    sums[i] += law.action(gap, n, v_rel, &Locked).force.norm();
+                    sums[i] += law.action::<Separate, _>(gap, n, v_rel, &Locked).force.norm();
                 });
                 sums
             }

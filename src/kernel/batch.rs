@@ -1,0 +1,235 @@
+//! Columns of a batch of contacts: filled from particles, replaced by what the contacts do, added to particles.
+
+use super::Measure;
+use super::lanes::Lanes;
+use crate::contact::{Action, Law, Rebound, Tangential};
+use crate::particle::{Motion, Spin, Vec3};
+use std::ops::Range;
+
+/// Contacts in a batch: their columns stay in the first-level cache.
+pub const BATCH: usize = 128;
+
+/// Columns are evaluated in multiples of this.
+const STRIDE: usize = 8;
+
+type Column = [f64; BATCH];
+
+/// Columns of a batch of contacts, seen from their first particle.
+#[derive(Debug, Clone)]
+#[repr(align(64))]
+pub struct Batch {
+    /// Gap, m; of walls only.
+    pub gap: Column,
+    /// Pairs: difference of the centres, m; walls: unit normal towards the particle. Then force, N.
+    pub n: [Column; 3],
+    /// Velocity relative to the partner, m/s.
+    v: [Column; 3],
+    /// Sum of the angular velocities, rad/s. Then torque, N m.
+    spins: [Column; 3],
+    /// 1 where the contact is within `l_max`, 0 elsewhere.
+    pub near: [u64; BATCH],
+}
+
+impl Default for Batch {
+    fn default() -> Self {
+        let columns = [[0.0; BATCH]; 3];
+        Batch { gap: [0.0; BATCH], n: columns, v: columns, spins: columns, near: [0; BATCH] }
+    }
+}
+
+impl Batch {
+    /// How many rows of the columns to evaluate for so many contacts: what is behind them is left over from others.
+    #[inline(always)]
+    pub fn rows(contacts: usize) -> usize {
+        let rows = contacts.next_multiple_of(STRIDE);
+        // The compiler then knows that all of them are there.
+        assert!(rows <= BATCH);
+        rows
+    }
+
+    /// Puts differences of the centres, and of velocities, and sums of spins, of the pairs.
+    #[inline(always)]
+    pub fn gather<L: Lanes, W: Spin>(&mut self, bodies: &[Motion<W>], pairs: &[[u32; 2]]) {
+        let (fours, rest) = pairs.as_chunks::<4>();
+        let mut heads = [L::row([0.0; 4]); 4];
+        let mut tails = heads;
+        // Velocities are subtracted, spins added.
+        let signs = L::row([-1.0, -1.0, 1.0, 1.0]);
+        for (quad, pairs) in fours.iter().enumerate() {
+            let k = 4 * quad;
+            for (p, &[i, j]) in pairs.iter().enumerate() {
+                let (a, b) = (&bodies[i as usize], &bodies[j as usize]);
+                heads[p] = L::minus(head::<L, W>(a), head::<L, W>(b));
+                tails[p] = L::add_products(signs, tail::<L, W>(b), tail::<L, W>(a));
+                if W::COMPONENTS == 3 {
+                    self.spins[2][k + p] = a.omega.vector().z + b.omega.vector().z;
+                }
+            }
+            let [x, y, z, u] = L::transpose(heads);
+            set::<L>(&mut self.n[0], k, x);
+            set::<L>(&mut self.n[1], k, y);
+            set::<L>(&mut self.n[2], k, z);
+            set::<L>(&mut self.v[0], k, u);
+            let [v, w, p, q] = L::transpose(tails);
+            set::<L>(&mut self.v[1], k, v);
+            set::<L>(&mut self.v[2], k, w);
+            if W::COMPONENTS == 3 {
+                set::<L>(&mut self.spins[0], k, p);
+                set::<L>(&mut self.spins[1], k, q);
+            }
+        }
+        for (k, &[i, j]) in (4 * fours.len()..).zip(rest) {
+            let (a, b) = (&bodies[i as usize], &bodies[j as usize]);
+            self.put(k, &(a.x - b.x), &(a.v - b.v), &a.omega.plus(&b.omega));
+        }
+    }
+
+    /// Puts one contact.
+    #[inline(always)]
+    pub fn put<W: Spin>(&mut self, k: usize, n: &Vec3, v: &Vec3, spins: &W) {
+        self.put_normal(k, n);
+        (self.v[0][k], self.v[1][k], self.v[2][k]) = (v.x, v.y, v.z);
+        if W::COMPONENTS == 3 {
+            let w = spins.vector();
+            (self.spins[0][k], self.spins[1][k], self.spins[2][k]) = (w.x, w.y, w.z);
+        }
+    }
+
+    /// Puts the normal, or the difference of the centres, of one contact.
+    #[inline(always)]
+    pub fn put_normal(&mut self, k: usize, n: &Vec3) {
+        (self.n[0][k], self.n[1][k], self.n[2][k]) = (n.x, n.y, n.z);
+    }
+
+    /// What was put.
+    #[inline(always)]
+    pub fn normal(&self, k: usize) -> Vec3 {
+        Vec3::new(self.n[0][k], self.n[1][k], self.n[2][k])
+    }
+
+    /// Replaces the first two components of the normal by the two numbers of the measure.
+    #[inline(always)]
+    pub fn measure<L: Lanes, W: Spin, M: Measure<W>>(&mut self, k: usize, measure: &M, gap: f64, n: &Vec3) {
+        let v = Vec3::new(self.v[0][k], self.v[1][k], self.v[2][k]);
+        [self.n[0][k], self.n[1][k]] = measure.of::<L>(gap, n, &v, &self.torque::<W>(k));
+    }
+
+    /// Replaces what was put by force and torque; zero unless the contact is `near`.
+    #[inline(always)]
+    pub fn evaluate<L: Lanes, R: Rebound, T: Tangential, W: Spin>(
+        &mut self,
+        k: usize,
+        law: &Law<R, T>,
+        near: bool,
+        gap: f64,
+        n: &Vec3,
+    ) {
+        let v = Vec3::new(self.v[0][k], self.v[1][k], self.v[2][k]);
+        let Action { force, torque } = law.action::<L, W>(gap, n, &v, &self.torque::<W>(k));
+        self.n[0][k] = if near { force.x } else { 0.0 };
+        self.n[1][k] = if near { force.y } else { 0.0 };
+        self.n[2][k] = if near { force.z } else { 0.0 };
+        if W::COMPONENTS == 3 {
+            let torque = torque.vector();
+            self.spins[0][k] = if near { torque.x } else { 0.0 };
+            self.spins[1][k] = if near { torque.y } else { 0.0 };
+            self.spins[2][k] = if near { torque.z } else { 0.0 };
+        }
+        self.near[k] = u64::from(near);
+    }
+
+    /// The force that took the normal's place.
+    #[inline(always)]
+    pub fn force(&self, k: usize) -> Vec3 {
+        self.normal(k)
+    }
+
+    /// The torque that took the spins' place.
+    #[inline(always)]
+    pub fn torque<W: Spin>(&self, k: usize) -> W {
+        if W::COMPONENTS == 3 {
+            W::from_vector(Vec3::new(self.spins[0][k], self.spins[1][k], self.spins[2][k]))
+        } else {
+            W::zero()
+        }
+    }
+
+    /// Adds forces and torques of the pairs to the slopes of particles of the `range`, and returns how many pairs are near
+    /// and have their first particle there. Partners elsewhere are the matter of their own block or rank.
+    #[inline(always)]
+    pub fn scatter<L: Lanes, W: Spin>(
+        &self,
+        pairs: &[[u32; 2]],
+        range: &Range<usize>,
+        slopes: &mut [Motion<W>],
+    ) -> u64 {
+        let mut count = 0;
+        let signs = L::row([-1.0, -1.0, -1.0, 1.0]);
+        let zeros = L::row([0.0; 4]);
+        for (quad, pairs) in pairs.chunks(4).enumerate() {
+            let k = 4 * quad;
+            let spins = if W::COMPONENTS == 3 {
+                [get::<L>(&self.spins[0], k), get::<L>(&self.spins[1], k), get::<L>(&self.spins[2], k)]
+            } else {
+                [zeros; 3]
+            };
+            let force = [get::<L>(&self.n[0], k), get::<L>(&self.n[1], k), get::<L>(&self.n[2], k)];
+            let heads = L::transpose([force[0], force[1], force[2], spins[0]]);
+            let tails = L::transpose([spins[1], spins[2], zeros, zeros]);
+            for (p, &[i, j]) in pairs.iter().enumerate() {
+                if let Some(slope) = slopes.get_mut((i as usize).wrapping_sub(range.start)) {
+                    add::<L, W>(slope, L::plus(slopes_head::<L, W>(slope), heads[p]), tails[p]);
+                    count += self.near[k + p];
+                }
+                if let Some(slope) = slopes.get_mut((j as usize).wrapping_sub(range.start)) {
+                    let head = L::add_products(signs, heads[p], slopes_head::<L, W>(slope));
+                    add::<L, W>(slope, head, tails[p]);
+                }
+            }
+        }
+        count
+    }
+}
+
+/// Centre and first component of the velocity.
+#[inline(always)]
+fn head<L: Lanes, W: Spin>(body: &Motion<W>) -> L::Row {
+    L::row([body.x.x, body.x.y, body.x.z, body.v.x])
+}
+
+/// The other components of the velocity, and the first two of the spin.
+#[inline(always)]
+fn tail<L: Lanes, W: Spin>(body: &Motion<W>) -> L::Row {
+    let w = body.omega.vector();
+    L::row([body.v.y, body.v.z, w.x, w.y])
+}
+
+/// Force, and the first component of the torque.
+#[inline(always)]
+fn slopes_head<L: Lanes, W: Spin>(slope: &Motion<W>) -> L::Row {
+    L::row([slope.v.x, slope.v.y, slope.v.z, slope.omega.vector().x])
+}
+
+/// Replaces force and first component of the torque, and adds to the others the first two numbers of `tail`.
+#[inline(always)]
+fn add<L: Lanes, W: Spin>(slope: &mut Motion<W>, head: L::Row, tail: L::Row) {
+    let w = slope.omega.vector();
+    let [x, y, z, p] = L::numbers(head);
+    slope.v = Vec3::new(x, y, z);
+    if W::COMPONENTS == 3 {
+        let [q, s, ..] = L::numbers(tail);
+        slope.omega = W::from_vector(Vec3::new(p, w.y + q, w.z + s));
+    }
+}
+
+/// Four numbers of a column, from number `k` on.
+#[inline(always)]
+fn get<L: Lanes>(column: &Column, k: usize) -> L::Row {
+    L::row([column[k], column[k + 1], column[k + 2], column[k + 3]])
+}
+
+/// Sets four numbers of a column, from number `k` on.
+#[inline(always)]
+fn set<L: Lanes>(column: &mut Column, k: usize, row: L::Row) {
+    column[k..k + 4].copy_from_slice(&L::numbers(row));
+}

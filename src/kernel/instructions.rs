@@ -1,0 +1,101 @@
+//! Vector instruction sets: which there are, which one a process takes, and how code is compiled for each.
+
+#[cfg(target_arch = "x86_64")]
+use super::lanes::Wide;
+use super::lanes::{Lanes, Plain};
+use crate::error::Error;
+
+/// A vector instruction set that the kernel is compiled for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum InstructionSet {
+    /// What every processor of this architecture has: on x86-64, SSE2 with two numbers at a time and no fused operations.
+    Baseline,
+    /// AVX2 and FMA: four numbers at a time.
+    Avx2,
+    /// AVX-512 (F, DQ, VL): eight numbers at a time.
+    Avx512,
+}
+
+impl InstructionSet {
+    /// All there are, narrowest first.
+    pub const ALL: [InstructionSet; 3] =
+        [InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512];
+
+    /// All that this processor can run, narrowest first.
+    pub fn available() -> Vec<InstructionSet> {
+        let mut sets = vec![InstructionSet::Baseline];
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            sets.push(InstructionSet::Avx2);
+            if is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("avx512vl")
+            {
+                sets.push(InstructionSet::Avx512);
+            }
+        }
+        sets
+    }
+
+    /// The widest that this processor can run, or the one that the environment variable `DEMHYBRID_INSTRUCTIONS` names.
+    pub fn chosen() -> Result<Self, Error> {
+        let sets = Self::available();
+        let Some(wanted) = std::env::var_os("DEMHYBRID_INSTRUCTIONS") else {
+            return Ok(*sets.last().expect("there is a baseline"));
+        };
+        let known = sets.iter().find(|set| wanted == set.name());
+        known.copied().ok_or_else(|| {
+            let names: Vec<&str> = sets.iter().map(|set| set.name()).collect();
+            let wanted = wanted.to_string_lossy();
+
+            Error::Input(format!(
+                "DEMHYBRID_INSTRUCTIONS = \"{wanted}\": this processor runs {}",
+                names.join(", ")
+            ))
+        })
+    }
+
+    /// Name, as in `DEMHYBRID_INSTRUCTIONS` and in the output.
+    pub fn name(self) -> &'static str {
+        match self {
+            InstructionSet::Baseline => "baseline",
+            InstructionSet::Avx2 => "avx2",
+            InstructionSet::Avx512 => "avx512",
+        }
+    }
+}
+
+/// Work that is compiled for every instruction set.
+pub trait Vectorised {
+    /// What it returns.
+    type Output;
+    /// Must be inlined, into the function that has the instructions.
+    fn work<L: Lanes>(self) -> Self::Output;
+}
+
+/// Does `job` with the instruction set, which must be available.
+#[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code)] // Functions with instructions that not every processor has can be called no other way.
+pub fn run<J: Vectorised>(set: InstructionSet, job: J) -> J::Output {
+    #[target_feature(enable = "avx2,fma")]
+    fn avx2<J: Vectorised>(job: J) -> J::Output {
+        job.work::<Wide>()
+    }
+    #[target_feature(enable = "avx2,fma,avx512f,avx512dq,avx512vl")]
+    fn avx512<J: Vectorised>(job: J) -> J::Output {
+        job.work::<Wide>()
+    }
+    match set {
+        InstructionSet::Baseline => job.work::<Plain>(),
+        // SAFETY: the caller takes a set that this processor runs: from `InstructionSet::available`, or a narrower one.
+        InstructionSet::Avx2 => unsafe { avx2(job) },
+        // SAFETY: the same.
+        InstructionSet::Avx512 => unsafe { avx512(job) },
+    }
+}
+
+/// Does `job`; this architecture has one instruction set.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn run<J: Vectorised>(_set: InstructionSet, job: J) -> J::Output {
+    job.work::<Plain>()
+}
