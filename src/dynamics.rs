@@ -131,6 +131,11 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         Ok(dynamics)
     }
 
+    /// Largest gap at which contacts are evaluated, m.
+    pub fn contact_reach(&self) -> f64 {
+        self.forces.law.l_max
+    }
+
     /// Distance of centres within which pairs are listed, m.
     pub fn reach(&self) -> f64 {
         let law = &self.forces.law;

@@ -173,18 +173,23 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     fn pick_near(&mut self) {
         let (reach, bodies) = (self.near_reach(), &self.bodies);
+        let walls = (&self.setting.walls[..], self.law.r + self.law.l_max + 0.5 * INNER_SKIN * self.law.r);
         self.picked.clear();
         self.picked.extend(bodies.iter().map(|body| body.x));
-        parallel::each(&mut self.lists.blocks, |block| block.pick_near(bodies, reach));
+        parallel::each(&mut self.lists.blocks, |block| block.pick_near(bodies, reach, walls));
         self.strayed = 0.0;
+    }
+
+    /// How far a body may move before near pairs and walls must be picked afresh, squared, m^2.
+    fn allowed(&self) -> f64 {
+        (0.5 * INNER_SKIN * self.law.r).powi(2)
     }
 
     /// Picks the near pairs afresh if a body has strayed too far; of the owned ones that is known.
     fn follow_near(&mut self) {
         let ghosts = self.bodies.iter().zip(&self.picked).skip(self.owned);
         let strayed = ghosts.map(|(body, from)| (body.x - from).norm_squared()).fold(self.strayed, larger);
-        let allowed = 0.5 * INNER_SKIN * self.law.r;
-        if strayed > allowed * allowed {
+        if strayed > self.allowed() {
             self.pick_near();
         }
     }
@@ -217,6 +222,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         dydt: &mut [Motion<W>],
     ) -> [f64; 2] {
         let (law, setting, set, picked) = (&self.law, &self.setting, self.set, &self.picked);
+        let allowed = self.allowed();
         let begin = |Part { block, bodies, slopes, batch }: Part<Motion<W>, Motion<W>>| {
             let mut moved = [0.0; 3];
             for ((body, slope), i) in bodies.iter_mut().zip(&mut *slopes).zip(block.range.clone()) {
@@ -228,7 +234,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
                     *moved = larger(*moved, dot::<Separate>(&way, &way));
                 }
             }
-            kernel::add_walls(set, Sweep { law, setting, bodies, block, batch, slopes });
+            // Those that were picked will do while they hold; `finish` sees to the next.
+            let walls = if moved[2] <= allowed { &block.near_walls } else { &block.walls };
+            kernel::add_walls(set, walls, Sweep { law, setting, bodies, block, batch, slopes });
             moved
         };
         let parts = (&self.lists.blocks[..], &mut self.bodies[..self.owned], dydt, &mut self.batches[..]);

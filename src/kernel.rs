@@ -38,9 +38,13 @@ pub struct Sweep<'a, R, T, W> {
     pub slopes: &'a mut [Motion<W>],
 }
 
-/// Adds the forces (N) and torques (N m) of the walls to the slopes; `bodies` are those of the block.
-pub fn add_walls<R: Rebound, T: Tangential, W: Spin>(set: InstructionSet, sweep: Sweep<R, T, W>) {
-    run(set, Walls(sweep));
+/// Adds the forces (N) and torques (N m) of the given contacts with walls to the slopes; `bodies` are those of the block.
+pub fn add_walls<R: Rebound, T: Tangential, W: Spin>(
+    set: InstructionSet,
+    contacts: &[[u32; 2]],
+    sweep: Sweep<R, T, W>,
+) {
+    run(set, Walls(contacts, sweep));
 }
 
 /// Adds the forces and torques of the near pairs of all `bodies` to the slopes, and makes accelerations of them,
@@ -51,10 +55,10 @@ pub fn add_pairs<R: Rebound, T: Tangential, W: Spin>(set: InstructionSet, sweep:
 
 impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
     #[inline(always)]
-    fn sum_walls<L: Lanes>(self) {
+    fn sum_walls<L: Lanes>(self, contacts: &[[u32; 2]]) {
         let Sweep { law, setting, bodies, block, batch, slopes } = self;
         let first = block.range.start;
-        for contacts in block.walls.chunks(BATCH) {
+        for contacts in contacts.chunks(BATCH) {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize - first], &setting.walls[wall as usize]);
                 // A wall is a motionless partner with n = -n_k.
@@ -182,13 +186,13 @@ impl<W: Spin, M: Measure<W>, F: FnMut([f64; 2])> Vectorised for Measuring<'_, W,
     }
 }
 
-struct Walls<'a, R, T, W>(Sweep<'a, R, T, W>);
+struct Walls<'a, R, T, W>(&'a [[u32; 2]], Sweep<'a, R, T, W>);
 
 impl<R: Rebound, T: Tangential, W: Spin> Vectorised for Walls<'_, R, T, W> {
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        self.0.sum_walls::<L>();
+        self.1.sum_walls::<L>(self.0);
     }
 }
 

@@ -126,6 +126,8 @@ pub struct Block {
     pub near: Vec<[u32; 2]>,
     /// Particle and wall, by both.
     pub walls: Vec<[u32; 2]>,
+    /// The walls that may be within the cut-off before a particle has moved by half the inner skin.
+    pub near_walls: Vec<[u32; 2]>,
 }
 
 impl Block {
@@ -140,8 +142,12 @@ impl Block {
         self.walls.iter().map(|contact| contact.map(|i| i as usize))
     }
 
-    /// Picks the pairs within `reach` (m) for `near`.
-    pub fn pick_near<W>(&mut self, bodies: &[Motion<W>], reach: f64) {
+    /// Picks the pairs within `reach` (m) for `near`, and the walls within theirs (m) for `near_walls`.
+    pub fn pick_near<W>(&mut self, bodies: &[Motion<W>], reach: f64, (walls, wall_reach): (&[Wall], f64)) {
+        self.near_walls.clear();
+        // What is not a number is not far: it must show.
+        let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&bodies[i as usize].x) > wall_reach;
+        self.near_walls.extend(self.walls.iter().copied().filter(|contact| !far(contact)));
         // Without a branch: written always, kept by moving on.
         self.near.resize(self.pairs.len(), [0; 2]);
         let mut kept = 0;
@@ -156,7 +162,7 @@ impl Block {
     }
 
     fn bytes(&self) -> usize {
-        (self.pairs.capacity() + self.near.capacity() + self.walls.capacity()) * 8
+        [&self.pairs, &self.near, &self.walls, &self.near_walls].map(Vec::capacity).iter().sum::<usize>() * 8
     }
 }
 
@@ -359,7 +365,7 @@ mod tests {
         let body = |x: &Vec3| Motion { x: *x, v: Vec3::zeros(), omega: Locked };
         let bodies: Vec<_> = x.iter().map(body).collect();
         for block in &mut lists.blocks {
-            block.pick_near(&bodies, 0.25);
+            block.pick_near(&bodies, 0.25, (&[], 0.0));
             let within = |[i, j]: &[u32; 2]| (x[*i as usize] - x[*j as usize]).norm() <= 0.25;
             let expected: Vec<_> = block.pairs.iter().copied().filter(within).collect();
             assert!(expected.len() > 10 && expected.len() < block.pairs.len());

@@ -43,6 +43,8 @@ pub struct RunInfo {
     pub norm: String,
     /// Speed that errors of velocity are compared with in the scaled norm, m/s.
     pub velocity_scale: f64,
+    /// Largest gap at which contacts are evaluated, m.
+    pub contact_reach: f64,
     /// Whether `/run/series` has columns for the dissipated energy.
     pub energy: bool,
     /// Mass of one particle, kg.
@@ -318,6 +320,7 @@ impl RunInfo {
             step: self.step,
             norm: text(&self.norm),
             velocity_scale: self.velocity_scale,
+            contact_reach: self.contact_reach,
             energy: self.energy,
             mass: self.mass,
             ranks: count(self.ranks),

@@ -8,7 +8,7 @@ use crate::launch;
 use crate::ode::{Limit, Losses};
 use crate::output::size;
 use crate::scene::{PAPER_NORM, Scene};
-use crate::simulation::{Counts, Frame, Outcome, tightening};
+use crate::simulation::{Counts, Frame, Outcome, reach, tightening};
 use crate::start::{self, Start};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
@@ -45,6 +45,25 @@ fn step_control(scene: &Scene) -> String {
         }
         (None, None) => format!("the default tolerance in {norm} norm"),
     }
+}
+
+/// Which contacts are evaluated, in words; `reach` is the largest gap, m.
+fn contacts(scene: &Scene, reach: f64) -> String {
+    let contact = &scene.contact;
+    if reach >= contact.interaction_distance {
+        return format!("evaluated up to the interaction distance of {} m", contact.interaction_distance);
+    }
+    let force = contact.repulsion_at_contact * (-contact.stiffness_exponent * reach).exp();
+    let why = if scene.solver.neglected_force.is_some() {
+        "by solver.neglected_force"
+    } else {
+        "unseen at this tolerance"
+    };
+    format!(
+        "evaluated up to {reach:.4} m of {} m: forces below {} N are left out, {why}",
+        contact.interaction_distance,
+        three_digits(force)
+    )
 }
 
 /// When checkpoints are written and what they take, in words.
@@ -94,7 +113,8 @@ pub fn plan(
     own.for_each(|i| owned[slabs.owner(start.x[i as usize][2])] += 1);
     comm.sum(&mut owned);
     let r = scene.particles.radius;
-    let reach = 2.0 * r + scene.contact.interaction_distance + SKIN * r;
+    let scale = start::velocity_scale(scene, start);
+    let ghosts_within = 2.0 * r + reach(scene, scale) + SKIN * r;
     let mut text = String::new();
     let mut line = |head: &str, rest: String| {
         // Writing to a string cannot fail.
@@ -116,6 +136,7 @@ pub fn plan(
     line("particles", format!("{count} of radius {r} m and mass {} kg, {walls} walls", scene.particles.mass));
     line("time", format!("to t = {} s, {} frames", scene.t_end, frames(scene)));
     line("solver", solver(scene, start));
+    line("contacts", contacts(scene, reach(scene, scale)));
     let per_particle = bytes_per_particle(scene);
     let start_bytes = START_BYTES * count * comm.size() as u64;
     line(
@@ -127,7 +148,7 @@ pub fn plan(
     );
     line("output", format!("about {}, {output}", size(output_bytes(scene, count))));
     line("checkpoints", checkpoints(scene, count));
-    line("ranks", format!("{} with {threads} threads each; ghosts within {reach:.4} m", comm.size()));
+    line("ranks", format!("{} with {threads} threads each; ghosts within {ghosts_within:.4} m", comm.size()));
     for (rank, n) in owned.iter().enumerate() {
         let (low, high) = slabs.of(rank);
         line(
@@ -258,6 +279,7 @@ pub fn summary(
         line("at rest", format!("by {by} for {} s", scene.stop.as_ref().map_or(0.0, |stop| stop.window)));
     }
     line("method", format!("{}; {}", outcome.choice, step_control(scene)));
+    line("contacts", contacts(scene, outcome.reach));
     line("right-hand sides", format!("{rhs}"));
     line(
         "pair evaluations",

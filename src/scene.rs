@@ -180,6 +180,9 @@ pub struct Solver {
     /// Speed that errors of velocity are compared with in the scaled norm, m/s; > 0. Left out: see
     /// [`crate::start::velocity_scale`].
     pub velocity_scale: Option<f64>,
+    /// Contacts with a repulsion below this are left out, N; >= 0 and below F_0. Left out: see
+    /// [`crate::simulation::neglected_force`].
+    pub neglected_force: Option<f64>,
     /// Fixed step of velocity-verlet, s; > 0, and there exactly with that method.
     pub step: Option<f64>,
     /// Largest first trial step, s; > 0.
@@ -203,6 +206,7 @@ impl Default for Solver {
             tolerance: None,
             norm: "scaled".to_owned(),
             velocity_scale: None,
+            neglected_force: None,
             step: None,
             initial_step: 0.1,
             min_step: 1e-9,

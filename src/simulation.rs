@@ -16,6 +16,7 @@ use crate::start::{self, Start};
 use crate::wish::Wish;
 use integrator::Integrator;
 pub use memory::{Memory, Remembered, Snapshot};
+pub use reach::{neglected_force, reach};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -23,6 +24,7 @@ mod choice;
 mod failure;
 mod integrator;
 mod memory;
+mod reach;
 mod rest;
 mod rounding;
 mod telling;
@@ -121,6 +123,8 @@ pub struct Outcome {
     pub largest_overlap: f64,
     /// The method that took the steps and, of `auto`, why.
     pub choice: String,
+    /// Largest gap at which contacts were evaluated, m.
+    pub reach: f64,
     /// Memory of the solver on this rank, bytes.
     pub bytes: usize,
     /// Ghosts of this rank at the end.
@@ -232,6 +236,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         };
         let mut y: Vec<Motion<W>> = own.clone().map(body).collect();
         let scale = start::velocity_scale(scene, start);
+        let law = Law { l_max: reach(scene, scale).min(law.l_max), ..law };
         let mut dynamics = Dynamics::new(comm, law, setting, scale, own.collect(), &mut y, &mut [])?;
         if scene.output.energy {
             dynamics.audit();

@@ -106,6 +106,7 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
         ("particles.file", "none; this or `particles.grid`"),
         ("particles.grid.seed", "drawn"),
         ("solver.step", "none; required by velocity-verlet"),
+        ("solver.neglected_force", "from the tolerance"),
         ("solver.velocity_scale", "from gravity and radius"),
     ]);
     assert_eq!(resolved["output"]["file"].as_str(), Some("bed.vtkhdf"));

@@ -28,7 +28,7 @@ DISSIPATED = ["dissipated_rebound", "dissipated_friction"]
 LIMITS = ["error", "growth", "stability", "travel", "maximum", "minimum", "first", "end"]
 COUNTS = ["ranks", "threads", "steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "pair_evaluations",
           "lists_built", "forced_accepts", "completed", *(f"limited_by_{limit}" for limit in LIMITS)]
-REALS = ["tolerance", "velocity_scale", "mass", "wall_seconds",
+REALS = ["tolerance", "velocity_scale", "contact_reach", "mass", "wall_seconds",
          *(f"seconds_{part}" for part in ("forces", "ghosts", "lists", "reduction", "output"))]
 TEXTS = ["version", "commit", "method", "norm", "instruction_set"]
 

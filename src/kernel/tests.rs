@@ -38,7 +38,7 @@ fn cloud<W: Spin>(n: usize, blocks: usize) -> (Vec<Motion<W>>, Lists) {
     let x: Vec<Vec3> = bodies.iter().map(|body| body.x).collect();
     let mut lists = Lists::default();
     lists.rebuild(&x, &keys, n, 0.36, (&setting().walls, 0.26), blocks);
-    lists.blocks.iter_mut().for_each(|block| block.pick_near(&bodies, 0.31));
+    lists.blocks.iter_mut().for_each(|block| block.pick_near(&bodies, 0.31, (&setting().walls, 0.2)));
     (bodies, lists)
 }
 
@@ -58,7 +58,11 @@ fn slopes<R: Rebound, T: Tangential, W: Spin>(
             *slope = Motion { x: body.v, ..Motion::zero() };
         }
         let setting = &setting;
-        add_walls(set, Sweep { law, setting, bodies: own, block, batch: &mut batch, slopes: &mut *slopes });
+        add_walls(
+            set,
+            &block.walls,
+            Sweep { law, setting, bodies: own, block, batch: &mut batch, slopes: &mut *slopes },
+        );
         count += add_pairs(set, Sweep { law, setting, bodies, block, batch: &mut other, slopes });
     }
     (slopes, count)

@@ -485,6 +485,7 @@ fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: boo
     }
     set_new_text(&run, "norm", &info.norm)?;
     set_new(&run, "velocity_scale", info.velocity_scale)?;
+    set_new(&run, "contact_reach", info.contact_reach)?;
     set_new(&run, "mass", info.mass)?;
     set_new(&run, "ranks", info.ranks as i64)?;
     set_new(&run, "threads", info.threads as i64)?;

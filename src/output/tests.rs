@@ -24,6 +24,7 @@ fn info(scene: &str) -> RunInfo {
         step: None,
         norm: "paper".to_string(),
         velocity_scale: 0.75,
+        contact_reach: 0.0462,
         energy: false,
         mass: 1.5,
         ranks: 1,
@@ -373,7 +374,9 @@ fn run_describes_itself_in_utf8() {
     assert_eq!(run_text(&file, "instruction_set"), "avx2+fma");
     assert_eq!((run_count(&file, "ranks"), run_count(&file, "threads")), (1, 2));
     assert_eq!(run_text(&file, "norm"), "paper");
-    for (name, value) in [("tolerance", 0.1), ("velocity_scale", 0.75), ("mass", 1.5)] {
+    for (name, value) in
+        [("tolerance", 0.1), ("velocity_scale", 0.75), ("contact_reach", 0.0462), ("mass", 1.5)]
+    {
         assert_eq!(run_real(&file, name), value, "{name}");
     }
     assert!(!file.group("run").unwrap().link_exists("scene_text"));

@@ -116,6 +116,7 @@ impl Execution<'_> {
             step: scene.solver.step,
             norm: scene.solver.norm.clone(),
             velocity_scale,
+            contact_reach: crate::simulation::reach(scene, velocity_scale),
             energy: scene.output.energy,
             mass: scene.particles.mass,
             ranks: comm.size(),

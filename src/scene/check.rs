@@ -330,6 +330,15 @@ fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
 fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
     fixed_step(source, scene)?;
     let solver = &scene.solver;
+    let f_0 = scene.contact.repulsion_at_contact;
+    if let Some(force) = solver.neglected_force.filter(|&force| force >= f_0) {
+        let message = format!(
+            "{} is not less than {}: spheres that touch would not be evaluated",
+            source.setting("solver.neglected_force", force, "N"),
+            source.setting("contact.repulsion_at_contact", f_0, "N")
+        );
+        return Err(source.error(source.value("solver.neglected_force"), &message));
+    }
     if solver.max_step >= solver.min_step {
         return Ok(());
     }

@@ -502,7 +502,7 @@ pub fn assert_same_bits(one: &Results, other: &Results, what: &str) {
     for name in ["scene", "norm", "choice"] {
         assert_eq!(one.text(name), other.text(name), "{what}: {name}");
     }
-    for name in ["tolerance", "velocity_scale"] {
+    for name in ["tolerance", "velocity_scale", "contact_reach"] {
         assert_eq!(one.real(name).to_bits(), other.real(name).to_bits(), "{what}: {name}");
     }
 }

@@ -45,7 +45,7 @@ const KEYS: &[&str] = &[
     "contact.stiffness_exponent", "contact.restitution", "contact.dissipation_focusing",
     "contact.interaction_distance", "friction", "friction.coefficient", "friction.regularization_velocity",
     "friction.rotation", "solver", "solver.method", "solver.tolerance", "solver.norm",
-    "solver.velocity_scale", "solver.step", "solver.initial_step", "solver.min_step", "solver.max_step",
+    "solver.velocity_scale", "solver.neglected_force", "solver.step", "solver.initial_step", "solver.min_step", "solver.max_step",
     "output", "output.file", "output.interval", "output.energy", "checkpoint", "checkpoint.interval",
     "checkpoint.wall", "limits", "limits.wall", "stop", "stop.unbalanced_force", "stop.kinetic_energy",
     "stop.height_change", "stop.window", "x", "particles.x", "t_end.x", "contact.resitution",

@@ -1,0 +1,79 @@
+//! Up to which gap contacts are evaluated: to `contact.interaction_distance`, or to where their force is less than the
+//! tolerance can see.
+
+use super::tightening;
+use crate::scene::{DEFAULT_TOLERANCE, PAPER_NORM, Scene};
+
+/// A contact is left out where the acceleration it gives is less than this share of the tolerance, in units of the square of
+/// the velocity scale over the radius. At the default tolerance that is a thousandth of a sphere's weight.
+const UNSEEN: f64 = 0.01;
+
+/// The force of contacts that are left out is less than this share of F_0 in any case.
+const MOST: f64 = 1e-3;
+
+/// Contacts with a repulsion F below this (N) are left out: `solver.neglected_force`; else what the tolerance in the
+/// scaled norm cannot see, for velocities compared with `scale` (m/s); nothing in the paper's norm or with a fixed step.
+pub fn neglected_force(scene: &Scene, scale: f64) -> f64 {
+    let solver = &scene.solver;
+    let unseen = || {
+        if solver.step.is_some() || solver.norm == PAPER_NORM {
+            return 0.0;
+        }
+        let tolerance = solver.tolerance.unwrap_or(DEFAULT_TOLERANCE) * tightening(scene);
+        let force = UNSEEN * tolerance * scene.particles.mass * scale * scale / scene.particles.radius;
+        force.min(MOST * scene.contact.repulsion_at_contact)
+    };
+    solver.neglected_force.unwrap_or_else(unseen)
+}
+
+/// Largest gap at which contacts are evaluated, m; `scale` as for [`neglected_force`].
+pub fn reach(scene: &Scene, scale: f64) -> f64 {
+    let contact = &scene.contact;
+    // Without a force to neglect the logarithm is infinite.
+    let gap =
+        (contact.repulsion_at_contact / neglected_force(scene, scale)).ln() / contact.stiffness_exponent;
+    gap.min(contact.interaction_distance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(sets: &[&str]) -> Scene {
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        Scene::parse("bed.toml", include_str!("../../configs/bed.toml"), &sets).unwrap()
+    }
+
+    #[test]
+    fn a_tighter_tolerance_sees_weaker_forces() {
+        let scale = (9.81f64 * 0.1).sqrt();
+        let bed = scene(&[]);
+        assert!((neglected_force(&bed, scale) - 9.81e-3).abs() < 1e-15);
+        assert!((reach(&bed, scale) - (10.0f64 / 9.81e-3).ln() / 150.0).abs() < 1e-15);
+        let tight = scene(&["solver.tolerance=1e-3"]);
+        assert!((neglected_force(&tight, scale) - 9.81e-5).abs() < 1e-17);
+        // Where the force at the interaction distance is seen, that distance holds.
+        assert_eq!(reach(&scene(&["solver.tolerance=1e-6"]), scale), 0.1);
+        // However loose, contacts begin long before surfaces touch.
+        assert_eq!(neglected_force(&scene(&["solver.tolerance=1e3"]), scale), 10.0 * MOST);
+    }
+
+    #[test]
+    fn published_runs_and_fixed_steps_leave_nothing_out() {
+        for sets in [
+            &["solver.norm=\"paper\"", "solver.method=\"merson\""][..],
+            &["solver.method=\"velocity-verlet\"", "solver.step=1e-5"],
+            &["solver.neglected_force=0"],
+        ] {
+            assert_eq!(neglected_force(&scene(sets), 1.0), 0.0);
+            assert_eq!(reach(&scene(sets), 1.0), 0.1);
+        }
+    }
+
+    #[test]
+    fn a_force_of_the_scene_decides() {
+        let own = scene(&["solver.neglected_force=0.5"]);
+        assert_eq!(neglected_force(&own, 1.0), 0.5);
+        assert!((reach(&own, 1.0) - 20.0f64.ln() / 150.0).abs() < 1e-15);
+    }
+}
