@@ -8,7 +8,7 @@ use crate::domain::{Comm, exact};
 use crate::elementary::Separate;
 use crate::error::Error;
 use crate::forces::{Broken, Depth, Dissipated, Forces, Setting, Stored};
-use crate::kernel::InstructionSet;
+use crate::instructions::InstructionSet;
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
 use crate::particle::{Motion, Spin, Vec3};

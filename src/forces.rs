@@ -5,7 +5,8 @@
 use crate::contact::{Action, Energies, Law, Rebound, Tangential};
 use crate::container::Wall;
 use crate::elementary::{Arithmetic, Separate};
-use crate::kernel::{self, Batch, InstructionSet, Measure, Survey, Sweep};
+use crate::instructions::InstructionSet;
+use crate::kernel::{self, Batch, Measure, Survey, Sweep};
 use crate::neighbors::{Block, Key, Lists};
 use crate::ode::{Linear, larger};
 use crate::parallel;

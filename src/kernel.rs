@@ -9,18 +9,14 @@ use crate::contact::{Law, Rebound, Tangential};
 use crate::container::Wall;
 use crate::elementary::{Arithmetic, inverse_root};
 use crate::forces::Setting;
+use crate::instructions::{InstructionSet, Lanes, Vectorised, run};
 use crate::neighbors::Block;
 use crate::particle::{Motion, Spin, Vec3, dot, scaled};
 use batch::BATCH;
-use instructions::{Vectorised, run};
-use lanes::Lanes;
 
 mod batch;
-mod instructions;
-mod lanes;
 
 pub use batch::Batch;
-pub use instructions::InstructionSet;
 
 /// What a sweep over the contacts of one block needs.
 pub struct Sweep<'a, R, T, W> {

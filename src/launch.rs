@@ -3,7 +3,7 @@
 
 use crate::domain::{Comm, world};
 use crate::error::Error;
-use crate::kernel::InstructionSet;
+use crate::instructions::InstructionSet;
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;

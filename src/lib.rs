@@ -40,6 +40,7 @@ pub mod ensemble;
 pub mod error;
 pub mod farm;
 pub mod forces;
+pub mod instructions;
 pub mod kernel;
 pub mod launch;
 pub mod neighbors;

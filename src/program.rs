@@ -5,7 +5,7 @@ use crate::cli::Args;
 use crate::domain::Comm;
 use crate::dynamics::common_instructions;
 use crate::error::Error;
-use crate::kernel::InstructionSet;
+use crate::instructions::InstructionSet;
 use crate::launch;
 use crate::output::{self, Output};
 use crate::report;

@@ -1,8 +1,8 @@
 //! Columns of a batch of contacts: filled from particles, replaced by what the contacts do, added to particles.
 
 use super::Measure;
-use super::lanes::Lanes;
 use crate::contact::{Action, Law, Rebound, Tangential};
+use crate::instructions::Lanes;
 use crate::particle::{Motion, Spin, Vec3};
 use std::ops::Range;
 

@@ -156,7 +156,7 @@ mod tests {
     fn rows_and_columns_are_what_they_say() {
         check::<Plain>();
         #[cfg(target_arch = "x86_64")]
-        if super::super::InstructionSet::available().contains(&super::super::InstructionSet::Avx2) {
+        if super::super::InstructionSet::available().len() > 1 {
             check::<Wide>();
         }
     }
