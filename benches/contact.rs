@@ -2,6 +2,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use demhybrid::contact::{Law, Rebound, Tangential};
+use demhybrid::elementary::Separate;
 use demhybrid::particle::{Spin, Vec3};
 use demhybrid::simulation::{Task, dispatch};
 use std::hint::black_box;
@@ -16,7 +17,9 @@ impl Task for Contact<'_> {
         let (n, v) = (Vec3::new(0.6, -0.48, 0.64), Vec3::new(0.1, 0.7, -0.2));
         let spins = W::from_vector(Vec3::new(3.0, -1.0, 2.0));
         self.0.bench_function(&format!("contact/{}", self.1), |b| {
-            b.iter(|| law.action(black_box(-0.003), black_box(&n), black_box(&v), black_box(&spins)))
+            b.iter(|| {
+                law.action::<Separate, W>(black_box(-0.003), black_box(&n), black_box(&v), black_box(&spins))
+            })
         });
     }
 }
@@ -25,7 +28,7 @@ fn contact(c: &mut Criterion) {
     for variant in common::VARIANTS {
         dispatch(&common::scene(variant), Contact(c, variant));
     }
-    c.bench_function("contact/exp", |b| b.iter(|| demhybrid::contact::exp(black_box(-1.3))));
+    c.bench_function("contact/exp", |b| b.iter(|| demhybrid::elementary::exp::<Separate>(black_box(-1.3))));
 }
 
 criterion_group!(benches, contact);

@@ -5,7 +5,6 @@ pub use lanes::Lanes;
 use lanes::Plain;
 #[cfg(target_arch = "x86_64")]
 use lanes::Wide;
-use std::sync::OnceLock;
 
 mod lanes;
 
@@ -59,12 +58,6 @@ impl InstructionSet {
         })
     }
 
-    /// The widest that this processor can run, for loops whose results do not depend on it.
-    pub fn widest() -> Self {
-        static WIDEST: OnceLock<InstructionSet> = OnceLock::new();
-        *WIDEST.get_or_init(|| *Self::available().last().expect("there is a baseline"))
-    }
-
     /// Name, as in `DEMHYBRID_INSTRUCTIONS` and in the output.
     pub fn name(self) -> &'static str {
         match self {
@@ -81,21 +74,6 @@ pub trait Vectorised {
     type Output;
     /// Must be inlined, into the function that has the instructions.
     fn work<L: Lanes>(self) -> Self::Output;
-}
-
-/// Calls `work`, compiled for the widest instruction set there is. Products are not fused, so the bits are those of any
-/// other.
-#[inline(always)]
-pub fn widely<T>(work: impl FnOnce() -> T) -> T {
-    struct Widely<F>(F);
-    impl<T, F: FnOnce() -> T> Vectorised for Widely<F> {
-        type Output = T;
-        #[inline(always)]
-        fn work<L: Lanes>(self) -> T {
-            (self.0)()
-        }
-    }
-    run(InstructionSet::widest(), Widely(work))
 }
 
 /// Does `job` with the instruction set, which must be available.

@@ -1,7 +1,6 @@
 //! Loops over slices by rayon threads, where there is enough to do. Results never depend on the number of threads:
 //! every item is computed alone, and what is folded is a maximum or an integer.
 
-use crate::instructions::widely;
 use rayon::prelude::*;
 
 /// Items below which a second thread costs more than it brings: waking it takes as long as about a thousand pairs.
@@ -23,13 +22,13 @@ where
 {
     let threads = rayon::current_num_threads();
     if threads == 1 || items.len() <= grain {
-        return fold(identity, widely(|| work(0, items)));
+        return fold(identity, work(0, items));
     }
     let size = chunk_size(items.len(), threads, grain);
     items
         .par_chunks_mut(size)
         .enumerate()
-        .map(|(k, chunk)| widely(|| work(k * size, chunk)))
+        .map(|(k, chunk)| work(k * size, chunk))
         .reduce(|| identity.clone(), &fold)
 }
 
@@ -48,13 +47,13 @@ pub fn for_chunk_pairs<T: Send, U: Send>(
     debug_assert_eq!(a.len(), b.len(), "the lists are as long as each other");
     let threads = rayon::current_num_threads();
     if threads == 1 || a.len() <= grain {
-        return widely(|| work(0, a, b));
+        return work(0, a, b);
     }
     let size = chunk_size(a.len(), threads, grain);
     a.par_chunks_mut(size)
         .zip(b.par_chunks_mut(size))
         .enumerate()
-        .for_each(|(k, (a, b))| widely(|| work(k * size, a, b)));
+        .for_each(|(k, (a, b))| work(k * size, a, b));
 }
 
 /// Folds `value(i)` for i in 0..n. The fold must not care about the order.
@@ -67,13 +66,10 @@ pub fn fold<A: Send + Sync + Clone>(
 ) -> A {
     let threads = rayon::current_num_threads();
     if threads == 1 || n <= grain {
-        return widely(|| (0..n).map(value).fold(identity, fold));
+        return (0..n).map(value).fold(identity, fold);
     }
     let size = chunk_size(n, threads, grain);
-    let part = |k: usize| {
-        let items = k * size..((k + 1) * size).min(n);
-        widely(|| items.map(&value).fold(identity.clone(), &fold))
-    };
+    let part = |k: usize| (k * size..((k + 1) * size).min(n)).map(&value).fold(identity.clone(), &fold);
     (0..n.div_ceil(size)).into_par_iter().map(part).reduce(|| identity.clone(), &fold)
 }
 
