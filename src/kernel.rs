@@ -1,9 +1,8 @@
 //! The contact law over batches of contacts, by the widest vector instructions that the processor has.
 //!
 //! Contacts are gathered into columns, evaluated with one loop that the compiler turns into vector instructions, and
-//! added to their particles one after the other. All of it is compiled for every instruction set; each computes the
-//! same additions, multiplications, divisions and roots in the same order (fused ones are not used), so each gives the
-//! same bits.
+//! added to their particles one after the other. All of it is compiled for every instruction set; all compute the
+//! same operations in the same order, so all that fuse products with additions give the same bits, however wide they are.
 
 use crate::contact::{Law, Rebound, Tangential};
 use crate::container::Wall;

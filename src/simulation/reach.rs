@@ -5,8 +5,9 @@ use super::tightening;
 use crate::scene::{DEFAULT_TOLERANCE, PAPER_NORM, Scene};
 
 /// A contact is left out where the acceleration it gives is less than this share of the tolerance, in units of the square of
-/// the velocity scale over the radius. At the default tolerance that is a thousandth of a sphere's weight.
-const UNSEEN: f64 = 0.01;
+/// the velocity scale over the radius. At the default tolerance that is a twenty-thousandth of a sphere's weight: positions of
+/// a bed are then as accurate as with all contacts, within the spread over starts (docs/design.md).
+const UNSEEN: f64 = 5e-4;
 
 /// The force of contacts that are left out is less than this share of F_0 in any case.
 const MOST: f64 = 1e-3;
@@ -48,10 +49,10 @@ mod tests {
     fn a_tighter_tolerance_sees_weaker_forces() {
         let scale = (9.81f64 * 0.1).sqrt();
         let bed = scene(&[]);
-        assert!((neglected_force(&bed, scale) - 9.81e-3).abs() < 1e-15);
-        assert!((reach(&bed, scale) - (10.0f64 / 9.81e-3).ln() / 150.0).abs() < 1e-15);
+        assert!((neglected_force(&bed, scale) - 4.905e-4).abs() < 1e-17);
+        assert!((reach(&bed, scale) - (10.0f64 / 4.905e-4).ln() / 150.0).abs() < 1e-15);
         let tight = scene(&["solver.tolerance=1e-3"]);
-        assert!((neglected_force(&tight, scale) - 9.81e-5).abs() < 1e-17);
+        assert!((neglected_force(&tight, scale) - 4.905e-6).abs() < 1e-18);
         // Where the force at the interaction distance is seen, that distance holds.
         assert_eq!(reach(&scene(&["solver.tolerance=1e-6"]), scale), 0.1);
         // However loose, contacts begin long before surfaces touch.
