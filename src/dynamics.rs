@@ -83,6 +83,8 @@ pub struct Dynamics<'c, R, T, W> {
     wish: Wish,
     /// A speed that matters in the scene, m/s.
     velocity_scale: f64,
+    /// Largest gap at which surfaces interact, m; lists and ghosts reach that far at all times.
+    l_max: f64,
     /// Time by part.
     pub clocks: Clocks,
 }
@@ -101,6 +103,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         companions: &mut [&mut Vec<Motion<W>>],
     ) -> Result<Self, Error> {
         let [set, _] = common_instructions(comm, InstructionSet::chosen()?);
+        let l_max = law.l_max;
         let mut slabs = Slabs::new(comm.size());
         slabs.balance(comm, y.iter().map(|body| (body.x.z, 1)));
         let mut dynamics = Dynamics {
@@ -124,6 +127,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             outside: None,
             wish: Wish::Nothing,
             velocity_scale,
+            l_max,
             clocks: Clocks::default(),
         };
         dynamics.forces.owned = y.len();
@@ -131,15 +135,21 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         Ok(dynamics)
     }
 
-    /// Largest gap at which contacts are evaluated, m.
-    pub fn contact_reach(&self) -> f64 {
-        self.forces.law.l_max
+    /// From now on evaluates contacts up to `gap` (m), or up to `l_max` where that is less. Returns whether that is a
+    /// change, after which slopes and energies are others.
+    pub fn evaluate_within(&mut self, gap: f64) -> bool {
+        let gap = gap.min(self.l_max);
+        let changed = gap != self.forces.law.l_max;
+        if changed {
+            self.forces.evaluate_within(gap);
+        }
+        changed
     }
 
     /// Distance of centres within which pairs are listed, m.
     pub fn reach(&self) -> f64 {
-        let law = &self.forces.law;
-        2.0 * law.r + law.l_max + SKIN * law.r
+        let r = self.forces.law.r;
+        2.0 * r + self.l_max + SKIN * r
     }
 
     /// Furthest that a step may move a particle, m.

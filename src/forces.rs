@@ -172,6 +172,12 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         2.0 * self.law.r + self.law.l_max + INNER_SKIN * self.law.r
     }
 
+    /// From now on evaluates contacts up to `gap` (m), which the lists must cover.
+    pub fn evaluate_within(&mut self, gap: f64) {
+        self.law.l_max = gap;
+        self.pick_near();
+    }
+
     fn pick_near(&mut self) {
         let (reach, bodies) = (self.near_reach(), &self.bodies);
         let walls = (&self.setting.walls[..], self.law.r + self.law.l_max + 0.5 * INNER_SKIN * self.law.r);

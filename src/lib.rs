@@ -12,7 +12,7 @@
 //! | (2.3), (2.5) | repulsive force, pairs and walls | [`contact::Law::action`] |
 //! | (2.4) | rebound function | [`contact::Rebound::share`] |
 //! | (2.6), (2.9) | friction, pairs and walls | [`contact::Tangential::friction`] |
-//! | (2.7), (2.10) | slip | [`contact::Law::action`], [`particle::Spin::surface_velocity`] |
+//! | (2.7), (2.10) | slip | [`contact::Law::action`], [`particle::Spin::less_surface_velocity`] |
 //! | (2.8) | limiter | [`contact::Coulomb::limiter_over_slip`] |
 //! | (2.11), (2.12) | torque | [`particle::Spin::torque`] |
 //! | (2.13)-(2.15) | equations of motion | [`forces::Forces::finish`] |

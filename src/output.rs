@@ -43,7 +43,7 @@ pub struct RunInfo {
     pub norm: String,
     /// Speed that errors of velocity are compared with in the scaled norm, m/s.
     pub velocity_scale: f64,
-    /// Largest gap at which contacts are evaluated, m.
+    /// Largest gap at which the stabilised method evaluates contacts, m.
     pub contact_reach: f64,
     /// Whether `/run/series` has columns for the dissipated energy.
     pub energy: bool,

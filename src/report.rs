@@ -60,7 +60,7 @@ fn contacts(scene: &Scene, reach: f64) -> String {
         "unseen at this tolerance"
     };
     format!(
-        "evaluated up to {reach:.4} m of {} m: forces below {} N are left out, {why}",
+        "the stabilised method evaluates gaps up to {reach:.4} m of {} m: forces below {} N are left out, {why}",
         contact.interaction_distance,
         three_digits(force)
     )

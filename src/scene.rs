@@ -180,7 +180,7 @@ pub struct Solver {
     /// Speed that errors of velocity are compared with in the scaled norm, m/s; > 0. Left out: see
     /// [`crate::start::velocity_scale`].
     pub velocity_scale: Option<f64>,
-    /// Contacts with a repulsion below this are left out, N; >= 0 and below F_0. Left out: see
+    /// Contacts with a repulsion below this are left out by the stabilised method, N; >= 0 and below F_0. Left out: see
     /// [`crate::simulation::neglected_force`].
     pub neglected_force: Option<f64>,
     /// Fixed step of velocity-verlet, s; > 0, and there exactly with that method.

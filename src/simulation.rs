@@ -123,7 +123,7 @@ pub struct Outcome {
     pub largest_overlap: f64,
     /// The method that took the steps and, of `auto`, why.
     pub choice: String,
-    /// Largest gap at which contacts were evaluated, m.
+    /// Largest gap at which the stabilised method evaluates contacts, m.
     pub reach: f64,
     /// Memory of the solver on this rank, bytes.
     pub bytes: usize,
@@ -166,6 +166,8 @@ pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     control: StepControl,
     /// The scene's own, which `auto` may have tightened.
     tolerance: f64,
+    /// Largest gap at which the stabilised method evaluates contacts, m.
+    reach: f64,
     norm: Norm,
     /// The last accepted state of the owned particles and what belongs to it.
     anchor: Anchor<Motion<W>>,
@@ -236,7 +238,6 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         };
         let mut y: Vec<Motion<W>> = own.clone().map(body).collect();
         let scale = start::velocity_scale(scene, start);
-        let law = Law { l_max: reach(scene, scale).min(law.l_max), ..law };
         let mut dynamics = Dynamics::new(comm, law, setting, scale, own.collect(), &mut y, &mut [])?;
         if scene.output.energy {
             dynamics.audit();
@@ -248,7 +249,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         let mut simulation = Simulation {
             anchor,
             counts: Counts { rhs, ..Counts::default() },
-            ..Simulation::at_rest(scene, comm, dynamics, norm, control)
+            ..Simulation::at_rest(scene, comm, dynamics, norm, control, scale)
         };
         // A start that cannot be continued is told before any output is created.
         if simulation.start_is_broken() {
@@ -268,6 +269,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         dynamics: Dynamics<'c, R, T, W>,
         norm: Norm,
         control: StepControl,
+        scale: f64,
     ) -> Self {
         let checkpoint = scene.checkpoint.as_ref();
         Simulation {
@@ -275,6 +277,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             dynamics,
             integrator: Integrator::new(scene),
             tolerance: control.tolerance / tightening(scene),
+            reach: reach(scene, scale),
             norm,
             anchor: Anchor::new(0.0, Vec::new()),
             trial: Trial::default(),
@@ -408,6 +411,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     fn find_step(&mut self) -> Result<Step, Error> {
         loop {
             self.counts.rhs += self.integrator.prepare(&mut self.dynamics, &mut self.anchor, &mut self.trial);
+            if self.choose_reach() {
+                self.anchor.slope_known = false;
+            }
             let (mut h, mut limit) = (self.h, self.limit);
             let stable = self.integrator.stable_step();
             let mut cut = |most: f64, by: Limit| {
@@ -450,6 +456,12 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
                 self.fail_if_impossible(h, verdict)?;
             }
         }
+    }
+
+    /// Evaluates contacts up to the gap that suits the method at work; returns whether that changes the slopes.
+    fn choose_reach(&mut self) -> bool {
+        let stabilised = self.integrator.is_stabilised();
+        self.dynamics.evaluate_within(if stabilised { self.reach } else { f64::INFINITY })
     }
 
     /// One trial step from the last accepted state. Collective.

@@ -119,7 +119,7 @@ pub(super) const KEYS: &[Key] = &[
     optional("solver.tolerance", Number(Positive), "the error tolerance of a step", "1e-3"),
     optional("solver.norm", Word(NORMS), "the measure of the error", "\"scaled\""),
     optional("solver.velocity_scale", Number(Positive), "the speed in m/s that errors of velocity are compared with", "1.0"),
-    optional("solver.neglected_force", Number(NotNegative), "the repulsion in N below which contacts are left out", "0.0"),
+    optional("solver.neglected_force", Number(NotNegative), "the repulsion in N below which the stabilised method leaves contacts out", "0.0"),
     optional("solver.step", Number(Positive), "the fixed step of velocity-verlet in s", "1e-5"),
     optional("solver.initial_step", Number(Positive), "the largest first step in s", "0.1"),
     optional("solver.min_step", Number(Positive), "the smallest step in s", "1e-9"),

@@ -126,6 +126,11 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         }
     }
 
+    /// Whether the stabilised method is at work.
+    pub fn is_stabilised(&self) -> bool {
+        self.active.known_bound().is_some()
+    }
+
     /// Largest stable step from the anchor, s, as far as it is known.
     pub fn stable_step(&self) -> f64 {
         self.stable.unwrap_or(f64::INFINITY)

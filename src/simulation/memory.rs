@@ -4,7 +4,7 @@
 //! A run is remembered as it was before the last trial step that stood: the one thing that a step which stands does not
 //! change. Taking up a memory repeats that step, and so brings back its frames too, wherever the run was stopped.
 
-use super::{Counts, Simulation, error_control, integrator, reach, rest};
+use super::{Counts, Simulation, error_control, integrator, rest};
 use crate::contact::{Law, Rebound, Tangential};
 use crate::domain::{Comm, rows};
 use crate::dynamics::{Dynamics, Extremes};
@@ -95,7 +95,6 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         let mut companions: Vec<_> = lists.filter_map(|(list, known)| known.then_some(list)).collect();
         let ids = rows::block(count, comm.rank(), comm.size()).collect();
         let setting = super::setting(scene);
-        let law = Law { l_max: reach(scene, scale).min(law.l_max), ..law };
         let mut dynamics = Dynamics::new(comm, law, setting, scale, ids, &mut places, &mut companions)?;
         dynamics.go_on_from(memory.counts.rebuilds, memory.counts.pairs);
         dynamics.commit(memory.extremes);
@@ -116,9 +115,10 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             watched: memory.watched,
             saved: memory.t,
             memory: None,
-            ..Simulation::at_rest(scene, comm, dynamics, norm, control)
+            ..Simulation::at_rest(scene, comm, dynamics, norm, control, scale)
         };
         simulation.integrator.recall(&memory.integrator);
+        simulation.choose_reach();
         simulation.anchor = Anchor {
             t: memory.t,
             y: state,

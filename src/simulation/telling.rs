@@ -107,7 +107,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
             seconds: self.started.elapsed().as_secs_f64(),
             largest_overlap: self.largest_overlap,
             choice: self.integrator.report(),
-            reach: self.dynamics.contact_reach(),
+            reach: self.reach,
             bytes: self.dynamics.bytes() + self.anchor.bytes() + self.trial.bytes(),
             ghosts: self.dynamics.ghosts(),
         }
