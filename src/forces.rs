@@ -14,8 +14,8 @@ use fail::fail_point;
 /// How far beyond the cut-off near pairs are picked, as a share of the radius.
 const INNER_SKIN: f64 = 0.1;
 
-/// Particles below which a block of its own is not worth a thread.
-const BLOCK: usize = 512;
+/// Particles below which a block of its own is not worth a thread that looks out for work, and one that must be woken.
+const BLOCK: [usize; 2] = [64, 512];
 
 /// What the equations of motion need besides the contact law.
 #[derive(Debug, Clone)]
@@ -66,7 +66,7 @@ fn each_block<B: Send, S: Send, A: Send>(
     let middle = blocks[half].range.start - blocks[0].range.start;
     let (blocks, batches) = (blocks.split_at(half), batches.split_at_mut(half));
     let (bodies, slopes) = (bodies.split_at_mut(middle), slopes.split_at_mut(middle));
-    let (a, b) = rayon::join(
+    let (a, b) = parallel::join(
         || each_block((blocks.0, bodies.0, slopes.0, batches.0), work, combine),
         || each_block((blocks.1, bodies.1, slopes.1, batches.1), work, combine),
     );
@@ -158,7 +158,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     pub fn list(&mut self, keys: &[Key], reach: f64, wall_reach: f64) {
         let x: Vec<Vec3> = self.bodies.iter().map(|body| body.x).collect();
         let walls = (&self.setting.walls[..], wall_reach);
-        let blocks = parallel::blocks(self.owned, BLOCK);
+        let blocks = parallel::blocks(self.owned, BLOCK[usize::from(!parallel::is_attended())]);
         self.lists.rebuild(&x, keys, self.owned, reach, walls, blocks);
         self.batches.resize_with(blocks, Batch::default);
         self.pick_near();
@@ -174,7 +174,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         let (reach, bodies) = (self.near_reach(), &self.bodies);
         self.picked.clear();
         self.picked.extend(bodies.iter().map(|body| body.x));
-        parallel::each(&mut self.lists.blocks, |block| block.pick_near(bodies, reach));
+        parallel::each(&mut self.lists.blocks, &|block: &mut Block| block.pick_near(bodies, reach));
         self.strayed = 0.0;
     }
 
@@ -203,7 +203,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
                 larger(strayed, (y.x - from).norm_squared())
             })
         };
-        self.strayed = parallel::chunks(&mut self.bodies[..self.owned], parallel::GRAIN, put, 0.0, larger);
+        self.strayed = parallel::chunks(&mut self.bodies[..self.owned], parallel::GRAIN, put, larger);
         self.follow_near();
     }
 

@@ -1,8 +1,8 @@
 //! Who may touch whom: a cell grid finds pairs within reach, lists remember them until a particle outruns the skin.
 
 use crate::container::Wall;
+use crate::parallel;
 use crate::particle::{Motion, Vec3};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Particles sorted into cells as wide as the reach. The table wraps around, so that its size follows the number of
@@ -191,8 +191,10 @@ impl Lists {
         }
         self.blocks.resize_with(blocks, Block::default);
         let bound = |b: usize| owned * b / blocks;
-        self.blocks.par_iter_mut().enumerate().for_each(|(b, block)| {
+        for (b, block) in self.blocks.iter_mut().enumerate() {
             block.range = bound(b)..bound(b + 1);
+        }
+        parallel::each(&mut self.blocks, &|block: &mut Block| {
             block.list_pairs(x, &cells, [&place, &order], reach);
             block.list_walls(x, walls);
         });

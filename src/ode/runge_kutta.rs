@@ -138,7 +138,7 @@ impl<P: Ivp> Method<P> for RungeKutta {
                 }
                 worst
             };
-            parallel::chunks(next, GRAIN, finish, 0.0, larger)
+            parallel::chunks(next, GRAIN, finish, larger)
         };
         trial.evaluations += table.stages() as u64 - 1;
         add_losses(&mut trial.lost, h * table.b[0], &anchor.losses);

@@ -54,7 +54,7 @@ impl<P: Ivp> Method<P> for Verlet {
             }
             worst
         };
-        let largest = parallel::chunks(&mut trial.next, GRAIN, finish, 0.0, larger);
+        let largest = parallel::chunks(&mut trial.next, GRAIN, finish, larger);
         // There is no estimate of the error: a step stands if it is finite.
         ivp.agree(if largest < f64::INFINITY { 0.0 } else { f64::INFINITY }, &trial.next)
     }
