@@ -11,7 +11,7 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
-/// Items below which a second thread costs more than it brings.
+/// Items below which a second thread costs more than it brings; an eighth of it where threads look out for work.
 pub const GRAIN: usize = 2048;
 
 /// How long a thread looks out for work, or for another thread to end its own, before it sleeps: about what it takes to
@@ -34,7 +34,7 @@ pub fn attended<A>(work: impl FnOnce() -> A) -> A {
         fn drop(&mut self) {
             ATTENDED.store(false, Ordering::Relaxed);
             self.0.store(OVER, Ordering::Release);
-            call();
+            wake();
         }
     }
     let state = AtomicU8::new(UNDER_WAY);
@@ -76,19 +76,24 @@ fn attend(state: &AtomicU8) {
 fn rest(state: &AtomicU8) {
     let mut calls = CALLS.lock().expect("nothing panics with the lock");
     let before = *calls;
-    RESTING.fetch_add(1, Ordering::SeqCst);
+    RESTING.fetch_add(1, Ordering::Relaxed);
     while *calls == before && state.load(Ordering::Acquire) != OVER {
         calls = CALL.wait(calls).expect("nothing panics with the lock");
     }
-    RESTING.fetch_sub(1, Ordering::SeqCst);
+    RESTING.fetch_sub(1, Ordering::Relaxed);
 }
 
-/// Wakes the threads that rest.
+/// Wakes the threads that are seen to rest.
 fn call() {
-    if RESTING.load(Ordering::SeqCst) > 0 {
-        *CALLS.lock().expect("nothing panics with the lock") += 1;
-        CALL.notify_all();
+    if RESTING.load(Ordering::Relaxed) > 0 {
+        wake();
     }
+}
+
+/// Wakes the threads that rest, or are about to.
+fn wake() {
+    *CALLS.lock().expect("nothing panics with the lock") += 1;
+    CALL.notify_all();
 }
 
 /// A wait without sleep, which ends by itself.
@@ -168,6 +173,25 @@ impl Cut for Range<usize> {
     }
 }
 
+impl Cut for () {
+    fn cut(self, _at: usize) -> (Self, Self) {
+        ((), ())
+    }
+}
+
+impl<C: Cut, const K: usize> Cut for [C; K] {
+    fn cut(self, at: usize) -> (Self, Self) {
+        let mut rest = [const { None }; K];
+        let mut slots = rest.iter_mut();
+        let before = self.map(|items| {
+            let (before, after) = items.cut(at);
+            *slots.next().expect("there are as many") = Some(after);
+            before
+        });
+        (before, rest.map(|after| after.expect("every place has been filled")))
+    }
+}
+
 impl<A: Cut, B: Cut> Cut for (A, B) {
     fn cut(self, at: usize) -> (Self, Self) {
         let ((a, c), (b, d)) = (self.0.cut(at), self.1.cut(at));
@@ -178,7 +202,7 @@ impl<A: Cut, B: Cut> Cut for (A, B) {
 /// Calls `work(first, part)` for one part of `items`, of which there are `n`, for every thread, `first` being the index of
 /// the part's first item, and folds what the calls return. A thread has the same part of every list of the same length, so
 /// that it stays in its caches.
-fn parts<C: Cut, A: Send>(
+pub fn parts<C: Cut, A: Send>(
     n: usize,
     grain: usize,
     items: C,
@@ -204,6 +228,7 @@ fn parts<C: Cut, A: Send>(
         );
         fold(a, b)
     }
+    let grain = if is_attended() { grain / 8 } else { grain };
     if n <= grain {
         return work(0, items);
     }

@@ -2,6 +2,7 @@
 
 use super::{Comm, Parcels};
 use crate::ode::Linear;
+use crate::parallel::{self, Cut, GRAIN};
 use crate::particle::{Motion, Spin};
 
 /// What a rank's particles occupy along an axis, m; `low > high` when it owns none.
@@ -38,6 +39,19 @@ impl Extent {
     /// `z` lies within `reach` (m) of the extent; never if the extent is empty.
     pub fn is_near(&self, z: f64, reach: f64) -> bool {
         self.low <= self.high && z >= self.low - reach && z <= self.high + reach
+    }
+}
+
+/// Numbers in rows of the same width.
+struct Rows<'a> {
+    numbers: &'a mut [f64],
+    width: usize,
+}
+
+impl Cut for Rows<'_> {
+    fn cut(self, at: usize) -> (Self, Self) {
+        let (before, after) = self.numbers.split_at_mut(at * self.width);
+        (Rows { numbers: before, width: self.width }, Rows { numbers: after, width: self.width })
     }
 }
 
@@ -92,27 +106,41 @@ impl Halo {
         ghost_ids
     }
 
-    /// Sends `y` to where it is a ghost, and does `work` while the ghosts are under way; `deliver` brings them.
-    /// Collective for ranks that are partners.
-    pub fn exchange_during<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], work: &mut dyn FnMut()) {
-        let width = Motion::<W>::COMPONENTS;
-        for (slots, &i) in self.outgoing.data.chunks_exact_mut(width).zip(&self.picks) {
-            y[i as usize].pack(slots);
-        }
+    /// Nobody has ghosts of this rank's particles, nor this rank any of theirs.
+    pub fn is_idle(&self) -> bool {
+        self.outgoing.ranks.is_empty() && self.incoming.ranks.is_empty()
+    }
+
+    /// Makes parcels of those of `y` that are ghosts elsewhere.
+    pub fn pack<W: Spin>(&mut self, y: &[Motion<W>]) {
+        let rows = Rows { numbers: &mut self.outgoing.data, width: Motion::<W>::COMPONENTS };
+        let pack = |_, (rows, picks): (Rows, &[u32])| {
+            for (slots, &i) in rows.numbers.chunks_exact_mut(rows.width).zip(picks) {
+                y[i as usize].pack(slots);
+            }
+        };
+        parallel::parts(self.picks.len(), GRAIN, (rows, &self.picks[..]), &pack, &|(), ()| ());
+    }
+
+    /// Sends what `pack` made, and does `work` while the ghosts are under way; `deliver` brings them. Collective for ranks
+    /// that are partners.
+    pub fn exchange_during(&mut self, comm: &dyn Comm, work: &mut dyn FnMut()) {
         comm.exchange_during(&self.outgoing, &mut self.incoming, work);
     }
 
     /// Brings the ghosts up to date with what the last exchange received.
     pub fn deliver<W: Spin>(&self, ghosts: &mut [Motion<W>]) {
-        for (ghost, slots) in ghosts.iter_mut().zip(self.incoming.data.chunks_exact(Motion::<W>::COMPONENTS))
-        {
-            *ghost = Motion::unpack(slots);
-        }
+        let width = Motion::<W>::COMPONENTS;
+        parallel::for_chunks(ghosts, GRAIN, |first, ghosts| {
+            let rows = self.incoming.data[first * width..].chunks_exact(width);
+            ghosts.iter_mut().zip(rows).for_each(|(ghost, slots)| *ghost = Motion::unpack(slots));
+        });
     }
 
     /// Brings the ghosts up to date with their owners' `y`. Collective for ranks that are partners.
     pub fn refresh<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], ghosts: &mut [Motion<W>]) {
-        self.exchange_during(comm, y, &mut || ());
+        self.pack(y);
+        self.exchange_during(comm, &mut || ());
         self.deliver(ghosts);
     }
 

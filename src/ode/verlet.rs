@@ -33,14 +33,14 @@ impl<P: Ivp> Method<P> for Verlet {
         trial.evaluations = anchor.find_slope(ivp);
         let (y, first) = (&anchor.y, &anchor.slope);
         // New positions with the velocities of the half step, and then those of the whole.
-        parallel::for_chunks(&mut trial.next, GRAIN, |start, chunk| {
-            for (k, half) in chunk.iter_mut().enumerate() {
+        let make = |start: usize, [stages]: [&mut [P::State]; 1], _: &mut [P::State]| {
+            for (k, half) in stages.iter_mut().enumerate() {
                 *half = y[start + k];
                 half.kick(0.5 * h, &first[start + k]);
                 half.drift(h);
             }
-        });
-        ivp.rhs(anchor.t + h, &trial.next, &mut trial.slope);
+        };
+        ivp.rhs_of(anchor.t + h, [&mut trial.next], &mut trial.slope, &make);
         trial.evaluations += 1;
         (trial.slope_known, trial.losses) = (true, ivp.losses());
         add_losses(&mut trial.lost, 0.5 * h, &anchor.losses);
