@@ -102,8 +102,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         companions: &mut [&mut Vec<Motion<W>>],
     ) -> Result<Self, Error> {
         let [set, _] = common_instructions(comm, InstructionSet::chosen()?);
-        let mut slabs = Slabs::new(comm.size());
-        slabs.balance(comm, y.iter().map(|body| (body.x.z, 1)));
+        let mut slabs = Slabs::new(comm.size(), sizes(comm, y));
+        let heights: Vec<_> = y.iter().map(|body| (slabs.height(&body.x), 1)).collect();
+        slabs.balance(comm, heights.into_iter());
         let mut dynamics = Dynamics {
             census: Census::take(comm, &ids),
             comm,
@@ -129,6 +130,11 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         };
         dynamics.forces.owned = y.len();
         dynamics.relocate(0.0, y, companions)?;
+        if comm.size() > 1 {
+            // Now that pairs are known the slabs can have equal loads.
+            dynamics.relocate(0.0, y, companions)?;
+            dynamics.rebuilds = 1;
+        }
         Ok(dynamics)
     }
 
@@ -290,7 +296,14 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             let loads = self.forces.loads();
             let own = loads.iter().sum::<u64>() as f64;
             let all: Vec<u64> = self.gather([own]).into_iter().map(|[load]| load as u64).collect();
-            self.slabs.follow(self.comm, y.iter().map(|body| body.x.z).zip(loads), &all);
+            let turned = self.slabs.turn(sizes(self.comm, y));
+            let heights: Vec<f64> = y.iter().map(|body| self.slabs.height(&body.x)).collect();
+            let particles = heights.into_iter().zip(loads);
+            if turned {
+                self.slabs.balance(self.comm, particles);
+            } else {
+                self.slabs.follow(self.comm, particles, &all);
+            }
         }
         migration::migrate(self.comm, &self.slabs, &mut self.ids, y, companions);
         self.census.check(self.comm, &self.ids, t)?;
@@ -303,8 +316,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let size = |axis: usize| Extent::around(extents.iter().map(|axes| axes[axis])).length();
         let order = Order::new([0, 1, 2].map(size), reach);
         migration::sort(|x, id| order.key(x, id), &mut self.ids, y, companions);
-        let heights: Vec<_> = extents.iter().map(|axes| axes[2]).collect();
-        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, &heights, reach);
+        let axis = self.slabs.axis();
+        let heights: Vec<_> = extents.iter().map(|axes| axes[axis]).collect();
+        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, (axis, &heights), reach);
         self.ids.extend(ghost_ids);
         self.forces.seat(y, self.halo.ghosts());
         self.halo.refresh(self.comm, y, self.forces.ghosts());
@@ -481,6 +495,14 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.comm.max(&mut top);
         top[0] + self.forces.law.r
     }
+}
+
+/// How far the particles of all ranks extend along each axis, m; negative where there are none. Collective.
+fn sizes<W>(comm: &dyn Comm, y: &[Motion<W>]) -> [f64; 3] {
+    let own = [0, 1, 2].map(|axis| Extent::of(y.iter().map(|body| body.x[axis])));
+    let mut ends = own.map(|extent| [-extent.low, extent.high]);
+    comm.max(ends.as_flattened_mut());
+    ends.map(|[low, high]| high + low)
 }
 
 /// The narrowest and the widest of the instruction sets that the ranks offer; `own` is this rank's. All use the narrowest.

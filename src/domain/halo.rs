@@ -72,21 +72,22 @@ impl Halo {
         self.ghosts
     }
 
-    /// Decides who sends what: every owned particle within `reach` (m) of another rank's extent becomes its ghost.
+    /// Decides who sends what: every owned particle within `reach` (m) of another rank's extent along `axis` becomes its
+    /// ghost.
     /// Returns the ids of the ghosts in the order in which `refresh` delivers them. Collective.
     pub fn plan<W: Spin>(
         &mut self,
         comm: &dyn Comm,
         ids: &[u64],
         y: &[Motion<W>],
-        extents: &[Extent],
+        (axis, extents): (usize, &[Extent]),
         reach: f64,
     ) -> Vec<u64> {
         self.picks.clear();
         let mut counts = vec![0; comm.size()];
         for (q, extent) in extents.iter().enumerate().filter(|(q, _)| *q != comm.rank()) {
             let first = self.picks.len();
-            let near = y.iter().enumerate().filter(|(_, body)| extent.is_near(body.x.z, reach));
+            let near = y.iter().enumerate().filter(|(_, body)| extent.is_near(body.x[axis], reach));
             self.picks.extend(near.map(|(i, _)| i as u32));
             counts[q] = (self.picks.len() - first) as u64;
         }
@@ -184,7 +185,7 @@ mod tests {
                     })
                     .collect();
                 let mut halo = Halo::default();
-                let ghost_ids = halo.plan(comm, &ids, &y, &extents, 0.25);
+                let ghost_ids = halo.plan(comm, &ids, &y, (2, &extents), 0.25);
                 let own_z = 0.1 * comm.rank() as f64;
                 let mut expected: Vec<u64> = (0..40)
                     .filter(|&id| owner(id) != comm.rank() && owner(id) != 3)
