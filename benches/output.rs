@@ -26,6 +26,7 @@ fn info() -> RunInfo {
         step: None,
         norm: String::new(),
         velocity_scale: 1.0,
+        contact_reach: 0.0662,
         energy: false,
         mass: 1.0,
         ranks: 1,

@@ -11,10 +11,12 @@ use crate::forces::{Broken, Depth, Dissipated, Forces, Setting, Stored};
 use crate::instructions::InstructionSet;
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
+use crate::parallel::{self, Cut};
 use crate::particle::{Motion, Spin, Vec3};
 use crate::wish::Wish;
 use fail::fail_point;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 /// The furthest that a step may move a particle, as a share of its radius. Twice that, from both sides of a contact,
@@ -104,8 +106,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     ) -> Result<Self, Error> {
         let [set, _] = common_instructions(comm, InstructionSet::chosen()?);
         let l_max = law.l_max;
-        let mut slabs = Slabs::new(comm.size());
-        slabs.balance(comm, y.iter().map(|body| (body.x.z, 1)));
+        let mut slabs = Slabs::new(comm.size(), sizes(comm, y));
+        let heights: Vec<_> = y.iter().map(|body| (slabs.height(&body.x), 1)).collect();
+        slabs.balance(comm, heights.into_iter());
         let mut dynamics = Dynamics {
             census: Census::take(comm, &ids),
             comm,
@@ -132,6 +135,11 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         };
         dynamics.forces.owned = y.len();
         dynamics.relocate(0.0, y, companions)?;
+        if comm.size() > 1 {
+            // Now that pairs are known the slabs can have equal loads.
+            dynamics.relocate(0.0, y, companions)?;
+            dynamics.rebuilds = 1;
+        }
         Ok(dynamics)
     }
 
@@ -304,7 +312,14 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             let loads = self.forces.loads();
             let own = loads.iter().sum::<u64>() as f64;
             let all: Vec<u64> = self.gather([own]).into_iter().map(|[load]| load as u64).collect();
-            self.slabs.follow(self.comm, y.iter().map(|body| body.x.z).zip(loads), &all);
+            let turned = self.slabs.turn(sizes(self.comm, y));
+            let heights: Vec<f64> = y.iter().map(|body| self.slabs.height(&body.x)).collect();
+            let particles = heights.into_iter().zip(loads);
+            if turned {
+                self.slabs.balance(self.comm, particles);
+            } else {
+                self.slabs.follow(self.comm, particles, &all);
+            }
         }
         migration::migrate(self.comm, &self.slabs, &mut self.ids, y, companions);
         self.census.check(self.comm, &self.ids, t)?;
@@ -317,8 +332,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let size = |axis: usize| Extent::around(extents.iter().map(|axes| axes[axis])).length();
         let order = Order::new([0, 1, 2].map(size), reach);
         migration::sort(|x, id| order.key(x, id), &mut self.ids, y, companions);
-        let heights: Vec<_> = extents.iter().map(|axes| axes[2]).collect();
-        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, &heights, reach);
+        let axis = self.slabs.axis();
+        let heights: Vec<_> = extents.iter().map(|axes| axes[axis]).collect();
+        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, (axis, &heights), reach);
         self.ids.extend(ghost_ids);
         self.forces.seat(y, self.halo.ghosts());
         self.halo.refresh(self.comm, y, self.forces.ghosts());
@@ -346,6 +362,54 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     fn place(&mut self, y: &[Motion<W>]) {
         self.halo.refresh(self.comm, y, self.forces.ghosts());
         self.forces.put(y);
+    }
+
+    /// The right-hand side at a stage, as [`Forces::place`] asks for it. Collective.
+    fn evaluate<'v, C: Cut>(
+        &mut self,
+        items: C,
+        dydt: &mut [Motion<W>],
+        stage: &(impl Fn(Range<usize>, C, &mut [Motion<W>]) -> &'v [Motion<W>] + Sync),
+    ) where
+        W: 'v,
+    {
+        fail_point!("rhs");
+        let begun = Instant::now();
+        let (forces, anchors) = (&mut self.forces, [&self.origin[..], &self.start]);
+        let mut waited = Duration::ZERO;
+        let alone = self.halo.is_idle();
+        let moved = forces.place(items, dydt, stage, anchors, alone);
+        if !alone {
+            let clock = Instant::now();
+            let mut inside = Duration::ZERO;
+            self.halo.pack(&forces.bodies[..forces.owned]);
+            self.halo.exchange_during(self.comm, &mut || {
+                fail_point!("underway");
+                let clock = Instant::now();
+                forces.add_walls(dydt);
+                inside = clock.elapsed();
+            });
+            self.halo.deliver(forces.ghosts());
+            waited = clock.elapsed().saturating_sub(inside);
+        }
+        self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
+        self.pair_evaluations += self.forces.finish(dydt);
+        if self.audits {
+            self.losses = self.dissipation();
+        }
+        self.clocks.ghosts += waited;
+        self.clocks.forces += begun.elapsed().saturating_sub(waited);
+    }
+
+    /// Remembers the first right-hand side that is not finite, where somebody asked for it. Collective.
+    fn look_out(&mut self, t: f64, y: &[Motion<W>], dydt: &[Motion<W>]) {
+        if matches!(self.watch, Some(None)) {
+            let mut steepest = [dydt.iter().map(Linear::max_abs).fold(0.0, larger)];
+            self.comm.max(&mut steepest);
+            if steepest[0] == f64::INFINITY {
+                self.watch = Some(Some((t, y.to_vec(), dydt.to_vec())));
+            }
+        }
     }
 
     /// Why the right-hand side at `y` is not finite, if so: the contact with the lowest ids. Collective.
@@ -449,6 +513,14 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     }
 }
 
+/// How far the particles of all ranks extend along each axis, m; negative where there are none. Collective.
+fn sizes<W>(comm: &dyn Comm, y: &[Motion<W>]) -> [f64; 3] {
+    let own = [0, 1, 2].map(|axis| Extent::of(y.iter().map(|body| body.x[axis])));
+    let mut ends = own.map(|extent| [-extent.low, extent.high]);
+    comm.max(ends.as_flattened_mut());
+    ends.map(|[low, high]| high + low)
+}
+
 /// The narrowest and the widest of the instruction sets that the ranks offer; `own` is this rank's. All use the narrowest.
 /// Collective.
 pub fn common_instructions(comm: &dyn Comm, own: InstructionSet) -> [InstructionSet; 2] {
@@ -473,32 +545,23 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
     }
 
     fn rhs(&mut self, t: f64, y: &[Motion<W>], dydt: &mut [Motion<W>]) {
-        fail_point!("rhs");
-        let clock = Instant::now();
-        let mut inside = Duration::ZERO;
-        let (forces, anchors, mut moved) = (&mut self.forces, [&self.origin[..], &self.start], [0.0; 2]);
-        self.halo.exchange_during(self.comm, y, &mut || {
-            fail_point!("underway");
-            let clock = Instant::now();
-            moved = forces.begin(y, anchors, dydt);
-            inside = clock.elapsed();
+        self.evaluate((), dydt, &|range, (), _| &y[range]);
+        self.look_out(t, y, dydt);
+    }
+
+    fn rhs_of<const K: usize>(
+        &mut self,
+        t: f64,
+        mut vectors: [&mut [Motion<W>]; K],
+        dydt: &mut [Motion<W>],
+        make: &(impl Fn(usize, [&mut [Motion<W>]; K], &mut [Motion<W>]) + Sync),
+    ) {
+        let parts = vectors.each_mut().map(|vector| &mut **vector);
+        self.evaluate(parts, dydt, &|range, mut parts: [&mut [Motion<W>]; K], slopes| {
+            make(range.start, parts.each_mut().map(|part| &mut **part), slopes);
+            parts.into_iter().next().expect("the first is the stage")
         });
-        self.halo.deliver(forces.ghosts());
-        let delivered = Instant::now();
-        self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
-        self.pair_evaluations += self.forces.finish(dydt);
-        if self.audits {
-            self.losses = self.dissipation();
-        }
-        if matches!(self.watch, Some(None)) {
-            let mut steepest = [dydt.iter().map(Linear::max_abs).fold(0.0, larger)];
-            self.comm.max(&mut steepest);
-            if steepest[0] == f64::INFINITY {
-                self.watch = Some(Some((t, y.to_vec(), dydt.to_vec())));
-            }
-        }
-        self.clocks.ghosts += (delivered - clock).saturating_sub(inside);
-        self.clocks.forces += delivered.elapsed() + inside;
+        self.look_out(t, vectors[0], dydt);
     }
 
     fn losses(&self) -> Losses {
@@ -546,12 +609,16 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
 
     fn agree(&mut self, error: f64, next: &[Motion<W>]) -> Verdict {
         let clock = Instant::now();
-        let square = |(body, origin): (&Motion<W>, &Vec3)| (body.x - origin).norm_squared();
-        let drift = next.iter().zip(&self.origin).map(square).fold(0.0, larger);
-        let way = next.iter().zip(&self.start).map(square).fold(0.0, larger);
+        let (origin, start) = (&self.origin[..], &self.start[..]);
+        let of = |i: usize| {
+            let body = &next[i];
+            [(body.x - origin[i]).norm_squared(), (body.x - start[i]).norm_squared(), body.v.norm_squared()]
+        };
+        let largest = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| larger(a[k], b[k]));
+        let [drift, way, speed] = parallel::fold(next.len(), parallel::GRAIN, of, [0.0; 3], largest);
         let moved = [larger(self.moved[0], drift), larger(self.moved[1], way)];
         let wish = self.outside.map_or(Wish::Nothing, |outside| outside()).weight();
-        let mut shared = [error, moved[0], moved[1], fastest(next), drift.sqrt(), wish];
+        let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), wish];
         self.comm.max(&mut shared);
         let [error, from_origin, from_start, speed, drift, wish] = shared;
         self.wish = Wish::of_weight(wish);

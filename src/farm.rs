@@ -62,11 +62,11 @@ impl<'a> Farm<'a> {
     /// Starts the threads of every rank, `threads` or what its cores allow, and tells what is wrong with them. Collective.
     pub fn start(comm: &'a dyn Comm, threads: Option<usize>, quiet: bool) -> Result<Self, Error> {
         launch::check_launcher(comm.size())?;
-        let (threads, bound) = agree(comm, launch::start_threads(comm, threads))?;
-        if let (0, Some(warning)) = (comm.rank(), bound) {
+        let threads = agree(comm, launch::start_threads(comm, threads))?;
+        if let (0, Some(warning)) = (comm.rank(), threads.warning) {
             launch::say(&warning);
         }
-        Ok(Farm { comm, threads, quiet })
+        Ok(Farm { comm, threads: threads.count, quiet })
     }
 }
 

@@ -9,15 +9,16 @@ use crate::instructions::InstructionSet;
 use crate::kernel::{self, Batch, Measure, Survey, Sweep};
 use crate::neighbors::{Block, Key, Lists};
 use crate::ode::{Linear, larger};
-use crate::parallel;
+use crate::parallel::{self, Cut};
 use crate::particle::{Motion, Spin, Vec3, dot, minus};
 use fail::fail_point;
+use std::ops::Range;
 
 /// How far beyond the cut-off near pairs are picked, as a share of the radius.
 const INNER_SKIN: f64 = 0.1;
 
-/// Particles below which a block of its own is not worth a thread.
-const BLOCK: usize = 512;
+/// Particles below which a block of its own is not worth a thread that looks out for work, and one that must be woken.
+const BLOCK: [usize; 2] = [64, 512];
 
 /// What the equations of motion need besides the contact law.
 #[derive(Debug, Clone)]
@@ -44,35 +45,48 @@ pub enum Broken {
 /// Work of a particle without pairs (stages, copies, walls), in units of half a pair; docs/performance.md has the costs.
 const LOAD: u64 = 4;
 
+/// A block may have this many times its fair share of the work before blocks are cut anew.
+const TOLERATED_IMBALANCE: f64 = 1.03;
+
 /// A block and what belongs to it.
-struct Part<'a, B, S> {
+struct Part<'a, C> {
     block: &'a Block,
-    bodies: &'a mut [B],
-    slopes: &'a mut [S],
     batch: &'a mut Batch,
+    /// The block's part of what there is of all owned particles.
+    items: C,
 }
 
-type Parts<'a, B, S> = (&'a [Block], &'a mut [B], &'a mut [S], &'a mut [Batch]);
-
-/// Does `work` for every block, by as many threads as there are, and combines what it returns. The slices cover the
+/// Does `work` for every block, by as many threads as there are, and combines what it returns. `items` cover the
 /// blocks' particles, of which there may be none.
-fn each_block<B: Send, S: Send, A: Send>(
-    (blocks, bodies, slopes, batches): Parts<B, S>,
-    work: &(impl Fn(Part<B, S>) -> A + Sync),
+fn each_block<C: Cut, A: Send>(
+    (blocks, batches): (&[Block], &mut [Batch]),
+    items: C,
+    work: &(impl Fn(Part<C>) -> A + Sync),
     combine: &(impl Fn(A, A) -> A + Sync),
 ) -> A {
     if let ([block], [batch]) = (blocks, &mut *batches) {
-        return work(Part { block, bodies, slopes, batch });
+        return work(Part { block, batch, items });
     }
     let half = blocks.len() / 2;
     let middle = blocks[half].range.start - blocks[0].range.start;
     let (blocks, batches) = (blocks.split_at(half), batches.split_at_mut(half));
-    let (bodies, slopes) = (bodies.split_at_mut(middle), slopes.split_at_mut(middle));
-    let (a, b) = rayon::join(
-        || each_block((blocks.0, bodies.0, slopes.0, batches.0), work, combine),
-        || each_block((blocks.1, bodies.1, slopes.1, batches.1), work, combine),
+    let items = items.cut(middle);
+    let (a, b) = parallel::join(
+        || each_block((blocks.0, batches.0), items.0, work, combine),
+        || each_block((blocks.1, batches.1), items.1, work, combine),
     );
     combine(a, b)
+}
+
+/// Sets the slopes of a block to velocities, forces (N) and torques (N m) of the walls: of those that were picked as near,
+/// while they hold, else of all.
+fn add_walls<R: Rebound, T: Tangential, W: Spin>(set: InstructionSet, near: bool, sweep: Sweep<R, T, W>) {
+    for (slope, body) in sweep.slopes.iter_mut().zip(sweep.bodies) {
+        // By component: a whole one would take a detour over the stack.
+        (slope.x, slope.v, slope.omega) = (body.v, Vec3::zeros(), W::zero());
+    }
+    let walls = if near { &sweep.block.near_walls } else { &sweep.block.walls };
+    kernel::add_walls(set, walls, sweep);
 }
 
 /// How far a contact is below the largest gap at which surfaces interact, which it holds, and its overlap, m; 0 where it
@@ -126,6 +140,8 @@ pub struct Forces<R, T, W> {
     picked: Vec<Vec3>,
     /// Largest squared distance of an owned body from there, m^2.
     strayed: f64,
+    /// Bounds of the blocks, from 0 to 1, as shares of the owned particles.
+    shares: Vec<f64>,
     /// One for every block.
     batches: Vec<Batch>,
     set: InstructionSet,
@@ -142,6 +158,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             bodies: Vec::new(),
             picked: Vec::new(),
             strayed: 0.0,
+            shares: Vec::new(),
             batches: Vec::new(),
             set,
         }
@@ -158,12 +175,51 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// Lists pairs within `reach` (m) and walls within `wall_reach` (m) of the centres of the bodies in place; `keys`
     /// are theirs, those of the owned ones ascending.
     pub fn list(&mut self, keys: &[Key], reach: f64, wall_reach: f64) {
+        let grain = BLOCK[usize::from(!parallel::is_attended())];
+        let blocks = parallel::blocks(self.owned, grain);
+        if self.shares.len() != blocks + 1 {
+            self.shares = (0..=blocks).map(|b| b as f64 / blocks as f64).collect();
+        }
         let x: Vec<Vec3> = self.bodies.iter().map(|body| body.x).collect();
-        let walls = (&self.setting.walls[..], wall_reach);
-        let blocks = parallel::blocks(self.owned, BLOCK);
-        self.lists.rebuild(&x, keys, self.owned, reach, walls, blocks);
-        self.batches.resize_with(blocks, Batch::default);
+        self.list_blocks(&x, keys, reach, wall_reach);
+        if blocks > 1 && self.imbalance() > TOLERATED_IMBALANCE {
+            self.share_out();
+            self.list_blocks(&x, keys, reach, wall_reach);
+        }
+    }
+
+    fn list_blocks(&mut self, x: &[Vec3], keys: &[Key], reach: f64, wall_reach: f64) {
+        let bounds: Vec<usize> =
+            self.shares.iter().map(|share| (share * self.owned as f64).round() as usize).collect();
+        self.lists.rebuild_between(&bounds, x, keys, reach, (&self.setting.walls, wall_reach));
+        self.batches.resize_with(self.lists.blocks.len(), Batch::default);
         self.pick_near();
+    }
+
+    /// The largest work of a block over the mean of all.
+    fn imbalance(&self) -> f64 {
+        let loads = self
+            .lists
+            .blocks
+            .iter()
+            .map(|block| LOAD * block.range.len() as u64 + 2 * block.near.len() as u64);
+        let (sum, most) = loads.fold((0, 0), |(sum, most), load| (sum + load, load.max(most)));
+        (most * self.lists.blocks.len() as u64) as f64 / sum as f64
+    }
+
+    /// Gives every block the same work.
+    fn share_out(&mut self) {
+        let loads = self.loads();
+        let total: u64 = loads.iter().sum();
+        let blocks = self.shares.len() as u64 - 1;
+        let (mut below, mut next) = (0, 1);
+        for (i, load) in loads.iter().enumerate() {
+            while next < blocks && below * blocks >= next * total {
+                self.shares[next as usize] = i as f64 / self.owned as f64;
+                next += 1;
+            }
+            below += load;
+        }
     }
 
     /// Distance of centres (m) within which pairs are evaluated until a body has moved by half of its excess over the
@@ -183,7 +239,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         let walls = (&self.setting.walls[..], self.law.r + self.law.l_max + 0.5 * INNER_SKIN * self.law.r);
         self.picked.clear();
         self.picked.extend(bodies.iter().map(|body| body.x));
-        parallel::each(&mut self.lists.blocks, |block| block.pick_near(bodies, reach, walls));
+        parallel::each(&mut self.lists.blocks, &|block: &mut Block| block.pick_near(bodies, reach, walls));
         self.strayed = 0.0;
     }
 
@@ -194,8 +250,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Picks the near pairs afresh if a body has strayed too far; of the owned ones that is known.
     fn follow_near(&mut self) {
-        let ghosts = self.bodies.iter().zip(&self.picked).skip(self.owned);
-        let strayed = ghosts.map(|(body, from)| (body.x - from).norm_squared()).fold(self.strayed, larger);
+        let (ghosts, picked) = (&self.bodies[self.owned..], &self.picked[self.owned..]);
+        let way = |k: usize| (ghosts[k].x - picked[k]).norm_squared();
+        let strayed = parallel::fold(ghosts.len(), parallel::GRAIN, way, self.strayed, larger);
         if strayed > self.allowed() {
             self.pick_near();
         }
@@ -216,57 +273,77 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
                 larger(strayed, (y.x - from).norm_squared())
             })
         };
-        self.strayed = parallel::chunks(&mut self.bodies[..self.owned], parallel::GRAIN, put, 0.0, larger);
+        self.strayed = parallel::chunks(&mut self.bodies[..self.owned], parallel::GRAIN, put, larger);
         self.follow_near();
     }
 
-    /// Moves the owned bodies to `y`, sets the slopes to the forces (N) and torques (N m) of the walls, and returns the
-    /// largest squared distances (m^2) from `origin` and `start`. Needs no ghosts.
-    pub fn begin(
+    /// Moves the owned bodies to the stage that `stage(range, items, slopes)` makes, by blocks, and returns the largest
+    /// squared distances (m^2) from `origin` and `start`. `items` belong to the owned particles. With `walls` the slopes are
+    /// then what `add_walls` leaves. Needs no ghosts.
+    pub fn place<'v, C: Cut>(
         &mut self,
-        y: &[Motion<W>],
-        [origin, start]: [&[Vec3]; 2],
+        items: C,
         dydt: &mut [Motion<W>],
-    ) -> [f64; 2] {
+        stage: &(impl Fn(Range<usize>, C, &mut [Motion<W>]) -> &'v [Motion<W>] + Sync),
+        [origin, start]: [&[Vec3]; 2],
+        walls: bool,
+    ) -> [f64; 2]
+    where
+        W: 'v,
+    {
         let (law, setting, set, picked) = (&self.law, &self.setting, self.set, &self.picked);
         let allowed = self.allowed();
-        let begin = |Part { block, bodies, slopes, batch }: Part<Motion<W>, Motion<W>>| {
+        let place = |Part { block, batch, items: (bodies, (slopes, items)) }: Part<(_, (_, C))>| {
+            let bodies: &mut [Motion<W>] = bodies;
+            let slopes: &mut [Motion<W>] = slopes;
+            let y = stage(block.range.clone(), items, slopes);
             let mut moved = [0.0; 3];
-            for ((body, slope), i) in bodies.iter_mut().zip(&mut *slopes).zip(block.range.clone()) {
-                *body = y[i];
-                // By component: a whole one would take a detour over the stack.
-                (slope.x, slope.v, slope.omega) = (y[i].v, Vec3::zeros(), W::zero());
-                for (moved, from) in moved.iter_mut().zip([&origin[i], &start[i], &picked[i]]) {
+            let from = origin[block.range.clone()].iter().zip(&start[block.range.clone()]);
+            let from = from.zip(&picked[block.range.clone()]);
+            for ((body, y), ((origin, start), picked)) in bodies.iter_mut().zip(y).zip(from) {
+                *body = *y;
+                for (moved, from) in moved.iter_mut().zip([origin, start, picked]) {
                     let way = minus(&body.x, from);
                     *moved = larger(*moved, dot::<Separate>(&way, &way));
                 }
             }
-            // Those that were picked will do while they hold; `finish` sees to the next.
-            let walls = if moved[2] <= allowed { &block.near_walls } else { &block.walls };
-            kernel::add_walls(set, walls, Sweep { law, setting, bodies, block, batch, slopes });
+            if walls {
+                let near = moved[2] <= allowed;
+                add_walls(set, near, Sweep { law, setting, bodies, block, batch, slopes });
+            }
             moved
         };
-        let parts = (&self.lists.blocks[..], &mut self.bodies[..self.owned], dydt, &mut self.batches[..]);
+        let items = (&mut self.bodies[..self.owned], (dydt, items));
         let all = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| larger(a[k], b[k]));
-        let [from_origin, from_start, strayed] = each_block(parts, &begin, &all);
+        let [from_origin, from_start, strayed] =
+            each_block((&self.lists.blocks, &mut self.batches), items, &place, &all);
         self.strayed = strayed;
         [from_origin, from_start]
     }
 
-    /// Adds the pairs of the bodies in place to what `begin` left in the slopes, and makes accelerations of the forces,
+    /// Sets the slopes of the owned bodies in place to velocities and to the forces (N) and torques (N m) of the walls.
+    /// Needs no ghosts.
+    pub fn add_walls(&mut self, dydt: &mut [Motion<W>]) {
+        let (law, setting, set) = (&self.law, &self.setting, self.set);
+        let near = self.strayed <= self.allowed();
+        let work = |Part { block, batch, items: (bodies, slopes) }: Part<(&mut [Motion<W>], &mut [_])>| {
+            add_walls(set, near, Sweep { law, setting, bodies, block, batch, slopes });
+        };
+        let items = (&mut self.bodies[..self.owned], dydt);
+        each_block((&self.lists.blocks, &mut self.batches), items, &work, &|(), ()| ());
+    }
+
+    /// Adds the pairs of the bodies in place to what `add_walls` left in the slopes, and makes accelerations of the forces,
     /// eqs. (2.13)-(2.15). Returns how many pairs are within `l_max` and have the earlier of their particles here: over
     /// all ranks every pair is counted once.
     pub fn finish(&mut self, dydt: &mut [Motion<W>]) -> u64 {
         self.follow_near();
         let (law, setting, bodies, set) = (&self.law, &self.setting, &self.bodies[..], self.set);
-        let finish = |Part { block, slopes, batch, .. }: Part<(), Motion<W>>| {
+        let finish = |Part { block, batch, items: slopes }: Part<&mut [Motion<W>]>| {
             fail_point!("worker");
             kernel::add_pairs(set, Sweep { law, setting, bodies, block, batch, slopes })
         };
-        // The bodies are shared here: what takes their place has no size.
-        let nothing = &mut vec![(); self.owned][..];
-        let parts = (&self.lists.blocks[..], nothing, dydt, &mut self.batches[..]);
-        each_block(parts, &finish, &|a, b| a + b)
+        each_block((&self.lists.blocks, &mut self.batches), dydt, &finish, &|a, b| a + b)
     }
 
     /// A wall is a motionless partner with n = -n_k.
@@ -336,14 +413,13 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         combine: impl Fn(A, A) -> A + Sync,
     ) -> A {
         let (r, walls, bodies, set) = (self.law.r, &self.setting.walls[..], &self.bodies[..], self.set);
-        let work = |Part { block, batch, .. }: Part<(), ()>| {
+        let work = |Part { block, batch, .. }: Part<()>| {
             let mut sum = identity;
             let survey = Survey { r, walls, bodies, block, batch };
             kernel::measure(set, survey, measure, |terms| sum = take(sum, terms));
             sum
         };
-        let nothing = (&mut vec![(); self.owned][..], &mut vec![(); self.owned][..]);
-        each_block((&self.lists.blocks[..], nothing.0, nothing.1, &mut self.batches[..]), &work, &combine)
+        each_block((&self.lists.blocks, &mut self.batches), (), &work, &combine)
     }
 
     /// The contacts of the bodies in place whose force is not finite.

@@ -75,10 +75,20 @@ pub fn report_panics(rank: usize) {
     }));
 }
 
+/// The threads of this rank.
+pub struct Threads {
+    /// How many, the calling one among them.
+    pub count: usize,
+    /// Whether the ranks of this machine leave each of them a core.
+    pub have_cores: bool,
+    /// What to say where the rank is bound to a single core while others idle.
+    pub warning: Option<String>,
+}
+
 /// Starts the threads of this rank: `--threads`, else RAYON_NUM_THREADS, else the cores that the ranks of this machine
-/// may use divided by their number. The calling thread is one of them, so that loops start without a hand-over. Returns
-/// their number and a warning where the rank is bound to a single core while others idle. Collective.
-pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<(usize, Option<String>), Error> {
+/// may use divided by their number. The calling thread is one of them, so that loops start without a hand-over.
+/// Collective.
+pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<Threads, Error> {
     let own = usable_cores();
     let mut all: Vec<f64> = own.iter().map(|&usable| f64::from(u8::from(usable))).collect();
     comm.max(&mut all);
@@ -105,7 +115,7 @@ pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<(usize, O
             online_cores()
         )
     });
-    Ok((threads, warning))
+    Ok(Threads { count: threads, have_cores: threads <= share, warning })
 }
 
 /// What to say where ranks sit on machines of different instruction sets, of which `common` is the one that all use.

@@ -1,8 +1,8 @@
 //! Who may touch whom: a cell grid finds pairs within reach, lists remember them until a particle outruns the skin.
 
 use crate::container::Wall;
+use crate::parallel;
 use crate::particle::{Motion, Vec3};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Particles sorted into cells as wide as the reach. The table wraps around, so that its size follows the number of
@@ -186,6 +186,20 @@ impl Lists {
         walls: (&[Wall], f64),
         blocks: usize,
     ) {
+        let bounds: Vec<usize> = (0..=blocks).map(|b| owned * b / blocks).collect();
+        self.rebuild_between(&bounds, x, keys, reach, walls);
+    }
+
+    /// `rebuild` in blocks with these `bounds`, from 0 to the number of owned particles.
+    pub fn rebuild_between(
+        &mut self,
+        bounds: &[usize],
+        x: &[Vec3],
+        keys: &[Key],
+        reach: f64,
+        walls: (&[Wall], f64),
+    ) {
+        let owned = bounds[bounds.len() - 1];
         debug_assert!(keys[..owned].is_sorted(), "the owned particles are in the order of sums");
         assert!(x.len() < 1 << 32, "a rank knows fewer than 2^32 particles: more ranks share the work");
         let cells = Cells::new(x, reach);
@@ -195,10 +209,11 @@ impl Lists {
         for (k, &i) in order.iter().enumerate() {
             place[i as usize] = k as u32;
         }
-        self.blocks.resize_with(blocks, Block::default);
-        let bound = |b: usize| owned * b / blocks;
-        self.blocks.par_iter_mut().enumerate().for_each(|(b, block)| {
-            block.range = bound(b)..bound(b + 1);
+        self.blocks.resize_with(bounds.len() - 1, Block::default);
+        for (block, ends) in self.blocks.iter_mut().zip(bounds.windows(2)) {
+            block.range = ends[0]..ends[1];
+        }
+        parallel::each(&mut self.blocks, &|block: &mut Block| {
             block.list_pairs(x, &cells, [&place, &order], reach);
             block.list_walls(x, walls);
         });

@@ -6,8 +6,9 @@ use crate::domain::Comm;
 use crate::dynamics::common_instructions;
 use crate::error::Error;
 use crate::instructions::InstructionSet;
-use crate::launch;
+use crate::launch::{self, Threads};
 use crate::output::{self, Output};
+use crate::parallel;
 use crate::report;
 use crate::scene::Scene;
 use crate::simulation;
@@ -23,17 +24,18 @@ mod resume;
 pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     let started = Instant::now();
     launch::check_launcher(comm.size())?;
-    let (threads, bound) = agree(comm, launch::start_threads(comm, args.threads))?;
+    let Threads { count: threads, have_cores, warning } =
+        agree(comm, launch::start_threads(comm, args.threads))?;
     let set = agree(comm, InstructionSet::chosen())?;
     let [set, widest] = common_instructions(comm, set);
     let mixed = launch::mixed_machines_warning(set, widest);
     let ground = Ground { args, comm, threads, set, started };
     let tell = |warnings: &[String]| {
         if comm.rank() == 0 {
-            bound.iter().chain(&mixed).chain(warnings).for_each(|warning| launch::say(warning));
+            warning.iter().chain(&mixed).chain(warnings).for_each(|warning| launch::say(warning));
         }
     };
-    match (&args.scene, &args.resume) {
+    let run = || match (&args.scene, &args.resume) {
         (Some(scene), _) => begin(&ground, scene, &tell),
         (None, Some(file)) => {
             tell(&[]);
@@ -41,7 +43,8 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
         }
         // The command line has been read: one of the two is there.
         (None, None) => Err(Error::Input("a scene, or --resume FILE, is missing".into())),
-    }
+    };
+    if have_cores { parallel::attended(run) } else { run() }
 }
 
 /// What every run stands on.

@@ -1,7 +1,7 @@
 //! What the program says: the plan of a dry run, the progress, the closing summary.
 
 use crate::container::short;
-use crate::domain::{Comm, rows, slabs::Slabs};
+use crate::domain::{Comm, halo::Extent, rows, slabs::Slabs};
 use crate::dynamics::SKIN;
 use crate::effects::Effects;
 use crate::launch;
@@ -107,10 +107,12 @@ pub fn plan(
     let effects = Effects::of(scene);
     let count = start.x.len() as u64;
     let own = rows::block(count, comm.rank(), comm.size());
-    let mut slabs = Slabs::new(comm.size());
-    slabs.balance(comm, own.clone().map(|i| (start.x[i as usize][2], 1)));
+    let sizes = [0, 1, 2].map(|axis| Extent::of(start.x.iter().map(|x| x[axis])).length());
+    let mut slabs = Slabs::new(comm.size(), sizes);
+    let axis = slabs.axis();
+    slabs.balance(comm, own.clone().map(|i| (start.x[i as usize][axis], 1)));
     let mut owned = vec![0; comm.size()];
-    own.for_each(|i| owned[slabs.owner(start.x[i as usize][2])] += 1);
+    own.for_each(|i| owned[slabs.owner(start.x[i as usize][axis])] += 1);
     comm.sum(&mut owned);
     let r = scene.particles.radius;
     let scale = start::velocity_scale(scene, start);
@@ -153,7 +155,7 @@ pub fn plan(
         let (low, high) = slabs.of(rank);
         line(
             if rank == 0 { "slabs" } else { "" },
-            format!("rank {rank}: {low:.4} m <= z < {high:.4} m, {n} particles"),
+            format!("rank {rank}: {low:.4} m <= {} < {high:.4} m, {n} particles", ["x", "y", "z"][axis]),
         );
     }
     text

@@ -15,7 +15,7 @@ use tempfile::TempDir;
 /// Seconds that a job may live on after a fault.
 const FAULT_DEADLINE: u64 = 10;
 /// A rank that owns this many times its share makes the slab bounds move (src/domain/slabs.rs).
-const TOLERATED_IMBALANCE: f64 = 1.1;
+const TOLERATED_IMBALANCE: f64 = 1.04;
 /// Loops of fewer items are not shared by threads (src/parallel.rs).
 const GRAIN: i64 = demhybrid::parallel::GRAIN as i64;
 

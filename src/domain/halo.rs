@@ -2,6 +2,7 @@
 
 use super::{Comm, Parcels};
 use crate::ode::Linear;
+use crate::parallel::{self, Cut, GRAIN};
 use crate::particle::{Motion, Spin};
 
 /// What a rank's particles occupy along an axis, m; `low > high` when it owns none.
@@ -41,6 +42,19 @@ impl Extent {
     }
 }
 
+/// Numbers in rows of the same width.
+struct Rows<'a> {
+    numbers: &'a mut [f64],
+    width: usize,
+}
+
+impl Cut for Rows<'_> {
+    fn cut(self, at: usize) -> (Self, Self) {
+        let (before, after) = self.numbers.split_at_mut(at * self.width);
+        (Rows { numbers: before, width: self.width }, Rows { numbers: after, width: self.width })
+    }
+}
+
 /// Which particles are sent to whom at every stage, and where the received ones go. Any two ranks may be partners:
 /// slabs may be thinner than the reach.
 #[derive(Debug, Default)]
@@ -58,21 +72,22 @@ impl Halo {
         self.ghosts
     }
 
-    /// Decides who sends what: every owned particle within `reach` (m) of another rank's extent becomes its ghost.
+    /// Decides who sends what: every owned particle within `reach` (m) of another rank's extent along `axis` becomes its
+    /// ghost.
     /// Returns the ids of the ghosts in the order in which `refresh` delivers them. Collective.
     pub fn plan<W: Spin>(
         &mut self,
         comm: &dyn Comm,
         ids: &[u64],
         y: &[Motion<W>],
-        extents: &[Extent],
+        (axis, extents): (usize, &[Extent]),
         reach: f64,
     ) -> Vec<u64> {
         self.picks.clear();
         let mut counts = vec![0; comm.size()];
         for (q, extent) in extents.iter().enumerate().filter(|(q, _)| *q != comm.rank()) {
             let first = self.picks.len();
-            let near = y.iter().enumerate().filter(|(_, body)| extent.is_near(body.x.z, reach));
+            let near = y.iter().enumerate().filter(|(_, body)| extent.is_near(body.x[axis], reach));
             self.picks.extend(near.map(|(i, _)| i as u32));
             counts[q] = (self.picks.len() - first) as u64;
         }
@@ -92,27 +107,41 @@ impl Halo {
         ghost_ids
     }
 
-    /// Sends `y` to where it is a ghost, and does `work` while the ghosts are under way; `deliver` brings them.
-    /// Collective for ranks that are partners.
-    pub fn exchange_during<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], work: &mut dyn FnMut()) {
-        let width = Motion::<W>::COMPONENTS;
-        for (slots, &i) in self.outgoing.data.chunks_exact_mut(width).zip(&self.picks) {
-            y[i as usize].pack(slots);
-        }
+    /// Nobody has ghosts of this rank's particles, nor this rank any of theirs.
+    pub fn is_idle(&self) -> bool {
+        self.outgoing.ranks.is_empty() && self.incoming.ranks.is_empty()
+    }
+
+    /// Makes parcels of those of `y` that are ghosts elsewhere.
+    pub fn pack<W: Spin>(&mut self, y: &[Motion<W>]) {
+        let rows = Rows { numbers: &mut self.outgoing.data, width: Motion::<W>::COMPONENTS };
+        let pack = |_, (rows, picks): (Rows, &[u32])| {
+            for (slots, &i) in rows.numbers.chunks_exact_mut(rows.width).zip(picks) {
+                y[i as usize].pack(slots);
+            }
+        };
+        parallel::parts(self.picks.len(), GRAIN, (rows, &self.picks[..]), &pack, &|(), ()| ());
+    }
+
+    /// Sends what `pack` made, and does `work` while the ghosts are under way; `deliver` brings them. Collective for ranks
+    /// that are partners.
+    pub fn exchange_during(&mut self, comm: &dyn Comm, work: &mut dyn FnMut()) {
         comm.exchange_during(&self.outgoing, &mut self.incoming, work);
     }
 
     /// Brings the ghosts up to date with what the last exchange received.
     pub fn deliver<W: Spin>(&self, ghosts: &mut [Motion<W>]) {
-        for (ghost, slots) in ghosts.iter_mut().zip(self.incoming.data.chunks_exact(Motion::<W>::COMPONENTS))
-        {
-            *ghost = Motion::unpack(slots);
-        }
+        let width = Motion::<W>::COMPONENTS;
+        parallel::for_chunks(ghosts, GRAIN, |first, ghosts| {
+            let rows = self.incoming.data[first * width..].chunks_exact(width);
+            ghosts.iter_mut().zip(rows).for_each(|(ghost, slots)| *ghost = Motion::unpack(slots));
+        });
     }
 
     /// Brings the ghosts up to date with their owners' `y`. Collective for ranks that are partners.
     pub fn refresh<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], ghosts: &mut [Motion<W>]) {
-        self.exchange_during(comm, y, &mut || ());
+        self.pack(y);
+        self.exchange_during(comm, &mut || ());
         self.deliver(ghosts);
     }
 
@@ -156,7 +185,7 @@ mod tests {
                     })
                     .collect();
                 let mut halo = Halo::default();
-                let ghost_ids = halo.plan(comm, &ids, &y, &extents, 0.25);
+                let ghost_ids = halo.plan(comm, &ids, &y, (2, &extents), 0.25);
                 let own_z = 0.1 * comm.rank() as f64;
                 let mut expected: Vec<u64> = (0..40)
                     .filter(|&id| owner(id) != comm.rank() && owner(id) != 3)

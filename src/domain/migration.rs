@@ -84,7 +84,7 @@ pub fn migrate<W: Spin>(
     companions: &mut [&mut Vec<Motion<W>>],
 ) {
     if comm.size() > 1 {
-        let owners: Vec<usize> = y.iter().map(|body| slabs.owner(body.x.z)).collect();
+        let owners: Vec<usize> = y.iter().map(|body| slabs.owner(slabs.height(&body.x))).collect();
         let components = Motion::<W>::COMPONENTS;
         let width = 1 + components * (1 + companions.len());
         let mut counts = vec![0; comm.size()];
@@ -165,7 +165,7 @@ mod tests {
                 let mut y: Vec<_> = ids.iter().map(|&id| body(id)).collect();
                 let census = Census::take(comm, &ids);
                 assert_eq!(census.count(), 200);
-                let mut slabs = Slabs::new(ranks);
+                let mut slabs = Slabs::new(ranks, [1.0; 3]);
                 slabs.balance(comm, y.iter().map(|body| (body.x.z, 1)));
                 let mut twins = y.clone();
                 migrate(comm, &slabs, &mut ids, &mut y, &mut [&mut twins]);
@@ -174,7 +174,7 @@ mod tests {
                 sort(|_, id| id, &mut ids, &mut y, &mut [&mut twins]);
                 assert_eq!(twins, y);
                 assert!(ids.is_sorted());
-                assert!(y.iter().all(|body| slabs.owner(body.x.z) == comm.rank()));
+                assert!(y.iter().all(|body| slabs.owner(slabs.height(&body.x)) == comm.rank()));
                 assert!(ids.iter().zip(&y).all(|(&id, found)| *found == body(id)));
             });
         }

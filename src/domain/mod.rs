@@ -1,4 +1,4 @@
-//! How the particles are spread over ranks: slabs along z, ghosts beyond them, migration between them.
+//! How the particles are spread over ranks: slabs along an axis, ghosts beyond them, migration between them.
 
 pub mod comm;
 pub mod exact;

@@ -1,16 +1,22 @@
-//! Slabs along z: which rank owns which particle. Bounds follow the particles; they never touch the physics.
+//! Slabs along an axis: which rank owns which particle. Bounds follow the particles; they never touch the physics.
 
 use super::Comm;
+use crate::particle::Vec3;
 
 /// A rank may have this many times its fair share of the work before the bounds move.
-const TOLERATED_IMBALANCE: f64 = 1.1;
+const TOLERATED_IMBALANCE: f64 = 1.04;
+/// An axis along which the particles extend this many times as far as along that of the slabs takes its place.
+const FLATNESS: f64 = 1.5;
 /// Rebuilds after which bounds that could not be balanced better, because heights were equal, are tried again.
 const PATIENCE: u32 = 32;
 
 /// Bounds of the slabs of all ranks, the same on every rank.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slabs {
-    /// Rank q owns `bounds[q] <= z < bounds[q + 1]`, m; the first is -infinity, the last +infinity.
+    /// Across the slabs.
+    axis: usize,
+    /// Rank q owns `bounds[q] <= z < bounds[q + 1]` of heights z along the axis, m; the first is -infinity, the last
+    /// +infinity.
     bounds: Vec<f64>,
     /// Imbalance that the last move of the bounds could not remove.
     achieved: f64,
@@ -19,18 +25,37 @@ pub struct Slabs {
 }
 
 impl Slabs {
-    /// All particles to rank 0, until the bounds are balanced.
-    pub fn new(ranks: usize) -> Self {
+    /// Slabs along z, or along x or y where the particles, which extend as far as `sizes` (m) tells, are flat: then fewer of
+    /// them are ghosts. All belong to rank 0, until the bounds are balanced.
+    pub fn new(ranks: usize, sizes: [f64; 3]) -> Self {
         let mut bounds = vec![f64::INFINITY; ranks + 1];
         bounds[0] = f64::NEG_INFINITY;
-        Slabs { bounds, achieved: 1.0, age: 0 }
+        Slabs { axis: best_axis(2, sizes), bounds, achieved: 1.0, age: 0 }
     }
 
-    /// Slabs with these inner bounds (m, ascending), which stay where they are.
+    /// Slabs along z with these inner bounds (m, ascending), which stay where they are.
     #[cfg(test)]
     pub fn with_inner_bounds(inner: &[f64]) -> Self {
         let bounds = [&[f64::NEG_INFINITY], inner, &[f64::INFINITY]].concat();
-        Slabs { bounds, achieved: f64::INFINITY, age: 0 }
+        Slabs { axis: 2, bounds, achieved: f64::INFINITY, age: 0 }
+    }
+
+    /// The axis across the slabs: 0 for x, 1 for y, 2 for z.
+    pub fn axis(&self) -> usize {
+        self.axis
+    }
+
+    /// Height of `x` (m) along the axis.
+    pub fn height(&self, x: &Vec3) -> f64 {
+        x[self.axis]
+    }
+
+    /// Changes the axis where the particles, which extend as far as `sizes` (m, the same on all ranks) tells, have become
+    /// flat along it. Returns whether it did; then the bounds must be balanced.
+    pub fn turn(&mut self, sizes: [f64; 3]) -> bool {
+        // Slabs that stay where they are keep their axis too.
+        let best = if self.achieved.is_finite() { best_axis(self.axis, sizes) } else { self.axis };
+        std::mem::replace(&mut self.axis, best) != best
     }
 
     /// The rank that owns height `z` (m).
@@ -136,6 +161,12 @@ fn value(order: u64) -> f64 {
     f64::from_bits(if order >> 63 == 1 { order & !(1 << 63) } else { !order })
 }
 
+/// The axis along which the particles extend furthest, if that is much further than along `axis`.
+fn best_axis(axis: usize, sizes: [f64; 3]) -> usize {
+    let longest = (0..3).fold(axis, |a, b| if sizes[b] > sizes[a] { b } else { a });
+    if sizes[longest] > FLATNESS * sizes[axis] { longest } else { axis }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -150,8 +181,12 @@ mod tests {
 
     #[test]
     fn every_height_has_one_owner() {
-        let slabs =
-            Slabs { bounds: vec![f64::NEG_INFINITY, 0.0, 0.0, 2.5, f64::INFINITY], achieved: 1.0, age: 0 };
+        let slabs = Slabs {
+            axis: 2,
+            bounds: vec![f64::NEG_INFINITY, 0.0, 0.0, 2.5, f64::INFINITY],
+            achieved: 1.0,
+            age: 0,
+        };
         for (z, rank) in [(-1e300, 0), (-0.1, 0), (0.0, 2), (2.4, 2), (2.5, 3), (1e300, 3)] {
             assert_eq!(slabs.owner(z), rank);
             let (low, high) = slabs.of(rank);
@@ -173,7 +208,7 @@ mod tests {
                     let load = |k: u64| if k < 5000 { 9 } else { 1 };
                     (0..10_000).skip(comm.rank()).step_by(ranks).map(move |k| (k as f64, load(k)))
                 };
-                let mut slabs = Slabs::new(ranks);
+                let mut slabs = Slabs::new(ranks, [1.0; 3]);
                 slabs.balance(comm, particles());
                 let (mut loads, mut counts) = (vec![0; ranks], vec![0; ranks]);
                 for (z, load) in particles() {
@@ -199,7 +234,7 @@ mod tests {
                     }
                     _ => Vec::new(),
                 };
-                let mut slabs = Slabs::new(ranks);
+                let mut slabs = Slabs::new(ranks, [1.0; 3]);
                 let mut counts = vec![0; ranks];
                 counts[0] = 1000;
                 assert!(slabs.follow(comm, alike(&z), &counts));
@@ -216,7 +251,7 @@ mod tests {
     fn equal_heights_stay_together_without_a_search_at_every_rebuild() {
         team(3, |comm| {
             let z = vec![1.0; if comm.rank() == 1 { 60 } else { 0 }];
-            let mut slabs = Slabs::new(3);
+            let mut slabs = Slabs::new(3, [1.0; 3]);
             assert!(slabs.follow(comm, alike(&z), &[0, 60, 0]));
             let owner = slabs.owner(1.0);
             assert!(owner < 3);

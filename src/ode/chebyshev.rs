@@ -179,8 +179,8 @@ impl<P: Ivp> Method<P> for Chebyshev {
             // of is at the same index.
             trial.stages.swap(0, 1);
             let [change, before, ..] = &mut trial.stages[..] else { unreachable!("there is room for two") };
-            let (older, slope) = (&*before, if j == 0 { first } else { &trial.slope });
-            let advance = |start: usize, changes: &mut [P::State], stages: &mut [P::State]| {
+            let older = &*before;
+            let make = |start: usize, [stages, changes]: [&mut [P::State]; 2], slopes: &mut [P::State]| {
                 for (k, (change, stage)) in changes.iter_mut().zip(stages).enumerate() {
                     let i = start + k;
                     let mut sum = P::State::zero();
@@ -191,13 +191,12 @@ impl<P: Ivp> Method<P> for Chebyshev {
                         }
                         sum.add_scaled(h * row.gamma, &first[i]);
                     }
-                    sum.add_scaled(h * row.mu_slope, &slope[i]);
+                    sum.add_scaled(h * row.mu_slope, if j == 0 { &first[i] } else { &slopes[k] });
                     *change = sum;
                     *stage = y[i];
                     stage.add_scaled(1.0, &sum);
                 }
             };
-            parallel::for_chunk_pairs(change, &mut trial.next, GRAIN, advance);
             let mut sum = [0.0; 2];
             if j > 0 {
                 add_losses(&mut sum, row.mu, &lost[0]);
@@ -206,7 +205,7 @@ impl<P: Ivp> Method<P> for Chebyshev {
             }
             add_losses(&mut sum, h * row.mu_slope, &losses);
             lost = [sum, lost[0]];
-            ivp.rhs(anchor.t + row.c * h, &trial.next, &mut trial.slope);
+            ivp.rhs_of(anchor.t + row.c * h, [&mut trial.next, change], &mut trial.slope, &make);
             losses = ivp.losses();
             trial.evaluations += 1;
         }

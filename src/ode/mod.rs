@@ -71,6 +71,18 @@ pub trait Ivp {
     fn begin(&mut self, y: &[Self::State]);
     /// dy/dt at time `t` (s) and state `y`; both slices hold the owned particles. Collective.
     fn rhs(&mut self, t: f64, y: &[Self::State], dydt: &mut [Self::State]);
+    /// `rhs` at a stage that is made on the way: `make(first, vectors, dydt)` gets parts of the vectors, which begin with
+    /// particle `first`, and puts the stage into the first of them, from what `dydt` still holds if need be. Collective.
+    fn rhs_of<const K: usize>(
+        &mut self,
+        t: f64,
+        mut vectors: [&mut [Self::State]; K],
+        dydt: &mut [Self::State],
+        make: &(impl Fn(usize, [&mut [Self::State]; K], &mut [Self::State]) + Sync),
+    ) {
+        make(0, vectors.each_mut().map(|vector| &mut **vector), dydt);
+        self.rhs(t, vectors[0], dydt);
+    }
     /// Power lost in the last right-hand side by rebound and by friction, W; zero where nobody asked for it.
     fn losses(&self) -> Losses {
         [0.0; 2]

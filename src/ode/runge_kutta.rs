@@ -55,6 +55,11 @@ fn combine<S: Linear>(weights: &[f64], h: f64, slopes: &Slopes<S>, i: usize) -> 
     sum
 }
 
+/// The vector at a place, as `places` gives them.
+fn vector_at<'a, S>(place: usize, slope: &'a mut Vec<S>, stages: &'a mut [Vec<S>]) -> &'a mut Vec<S> {
+    if place == 0 { slope } else { &mut stages[place - 1] }
+}
+
 /// Where the slopes of stages 1, 2, ... of `tableau` are kept: 0 is the slope of the trial, k its `stages[k - 1]`. A slope
 /// that no later stage, nor result, error or dense output needs gives its place to the next one.
 fn places(tableau: &Tableau) -> Vec<usize> {
@@ -111,16 +116,19 @@ impl<P: Ivp> Method<P> for RungeKutta {
         let (y, first) = (&anchor.y, &anchor.slope);
         let Trial { next, slope, stages, .. } = &mut *trial;
         for s in 1..table.stages() {
-            let slopes = self.slopes(first, slope, stages);
-            parallel::for_chunks(next, GRAIN, |start, chunk| {
-                for (k, stage) in chunk.iter_mut().enumerate() {
-                    let i = start + k;
-                    *stage = y[i];
-                    stage.add_scaled(1.0, &combine(table.a[s], h, &slopes, i));
-                }
-            });
+            // The new slope takes the place of one that this stage may still be made of.
             let place = self.places[s - 1];
-            ivp.rhs(anchor.t + table.c[s] * h, next, if place == 0 { slope } else { &mut stages[place - 1] });
+            let mut new = std::mem::take(vector_at(place, slope, stages));
+            let slopes = self.slopes(first, slope, stages);
+            let make = |start: usize, [chunk]: [&mut [P::State]; 1], old: &mut [P::State]| {
+                let slopes = slopes.map(|slope| if slope.is_empty() { &*old } else { &slope[start..] });
+                for (k, stage) in chunk.iter_mut().enumerate() {
+                    *stage = y[start + k];
+                    stage.add_scaled(1.0, &combine(table.a[s], h, &slopes, k));
+                }
+            };
+            ivp.rhs_of(anchor.t + table.c[s] * h, [next], &mut new, &make);
+            *vector_at(place, slope, stages) = new;
             self.losses[s - 1] = ivp.losses();
         }
         let slopes = self.slopes(first, slope, stages);
@@ -138,7 +146,7 @@ impl<P: Ivp> Method<P> for RungeKutta {
                 }
                 worst
             };
-            parallel::chunks(next, GRAIN, finish, 0.0, larger)
+            parallel::chunks(next, GRAIN, finish, larger)
         };
         trial.evaluations += table.stages() as u64 - 1;
         add_losses(&mut trial.lost, h * table.b[0], &anchor.losses);

@@ -95,13 +95,14 @@ impl SpectralRadius {
         length: f64,
     ) -> f64 {
         let (small, direction, y) = (ivp.small_length(), &mut anchor.direction, &anchor.y);
-        parallel::for_chunks(&mut trial.next, GRAIN, |start, chunk| {
-            for (k, stage) in chunk.iter_mut().enumerate() {
+        let along = &*direction;
+        let make = |start: usize, [stages]: [&mut [P::State]; 1], _: &mut [P::State]| {
+            for (k, stage) in stages.iter_mut().enumerate() {
                 *stage = y[start + k];
-                stage.add_scaled(small / length, &direction[start + k]);
+                stage.add_scaled(small / length, &along[start + k]);
             }
-        });
-        ivp.rhs(anchor.t, &trial.next, &mut trial.slope);
+        };
+        ivp.rhs_of(anchor.t, [&mut trial.next], &mut trial.slope, &make);
         let (slope, first) = (&trial.slope, &anchor.slope);
         parallel::for_chunks(direction, GRAIN, |start, chunk| {
             for (k, direction) in chunk.iter_mut().enumerate() {

@@ -33,14 +33,14 @@ impl<P: Ivp> Method<P> for Verlet {
         trial.evaluations = anchor.find_slope(ivp);
         let (y, first) = (&anchor.y, &anchor.slope);
         // New positions with the velocities of the half step, and then those of the whole.
-        parallel::for_chunks(&mut trial.next, GRAIN, |start, chunk| {
-            for (k, half) in chunk.iter_mut().enumerate() {
+        let make = |start: usize, [stages]: [&mut [P::State]; 1], _: &mut [P::State]| {
+            for (k, half) in stages.iter_mut().enumerate() {
                 *half = y[start + k];
                 half.kick(0.5 * h, &first[start + k]);
                 half.drift(h);
             }
-        });
-        ivp.rhs(anchor.t + h, &trial.next, &mut trial.slope);
+        };
+        ivp.rhs_of(anchor.t + h, [&mut trial.next], &mut trial.slope, &make);
         trial.evaluations += 1;
         (trial.slope_known, trial.losses) = (true, ivp.losses());
         add_losses(&mut trial.lost, 0.5 * h, &anchor.losses);
@@ -54,7 +54,7 @@ impl<P: Ivp> Method<P> for Verlet {
             }
             worst
         };
-        let largest = parallel::chunks(&mut trial.next, GRAIN, finish, 0.0, larger);
+        let largest = parallel::chunks(&mut trial.next, GRAIN, finish, larger);
         // There is no estimate of the error: a step stands if it is finite.
         ivp.agree(if largest < f64::INFINITY { 0.0 } else { f64::INFINITY }, &trial.next)
     }
