@@ -2,7 +2,7 @@
 
 use demhybrid::scene::{Scene, schema};
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -151,6 +151,81 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
             "{path}: {value} is not {default}"
         );
     }
+}
+
+/// What stands for a key in the formulas of the model. All other keys stand in none.
+const SYMBOLS: &[(&str, &[&str])] = &[
+    ("contact.dissipation_focusing", &["psi"]),
+    ("contact.interaction_distance", &["l_max"]),
+    ("contact.repulsion_at_contact", &["F_0"]),
+    ("contact.restitution", &["e"]),
+    ("contact.stiffness_exponent", &["kappa"]),
+    ("container.box.max", &["d"]),
+    ("container.box.min", &["d"]),
+    ("container.wall.normal", &["d", "n"]),
+    ("container.wall.point", &["d"]),
+    ("friction.coefficient", &["phi"]),
+    ("friction.regularization_velocity", &["v_min"]),
+    ("friction.rotation", &["omega", "tau"]),
+    ("gravity", &["g"]),
+    ("particles.mass", &["m"]),
+    ("particles.radius", &["r"]),
+];
+
+/// Equations of the paper that are of walls only.
+const OF_WALLS: [&str; 4] = ["(2.5)", "(2.9)", "(2.10)", "(2.12)"];
+
+/// The numbers in "(2.3), (2.5)-(2.7)", all of them; a reference of another kind as it is.
+fn equations(cell: &str) -> BTreeSet<String> {
+    let last =
+        |number: &str| number.trim_matches(['(', ')']).strip_prefix("2.").unwrap().parse::<u32>().unwrap();
+    let mut found = BTreeSet::new();
+    for part in cell.split(", ").filter(|part| !["", "-"].contains(part)) {
+        match part.split_once(")-(") {
+            Some((from, to)) => found.extend((last(from)..=last(to)).map(|k| format!("(2.{k})"))),
+            None => _ = found.insert(part.to_owned()),
+        }
+    }
+    found
+}
+
+#[test]
+fn the_equations_of_a_key_are_those_in_which_the_model_has_its_symbol() {
+    let model = fs::read_to_string(docs().join("model.md")).unwrap();
+    let formulas = model.split("## In formulas").nth(1).unwrap().split("\n\n").nth(1).unwrap();
+    let rows: Vec<(BTreeSet<&str>, BTreeSet<String>)> = formulas
+        .lines()
+        .skip(2)
+        .map(|line| {
+            let cells: Vec<&str> = line.trim_matches('|').split(" | ").map(str::trim).collect();
+            assert_eq!(cells.len(), 3, "{line}");
+            let words = cells[1].split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+            (words, equations(cells[2]))
+        })
+        .collect();
+    for (key, row) in chapter() {
+        let symbols = SYMBOLS.iter().find(|(name, _)| *name == key).map_or(&[][..], |(_, symbols)| symbols);
+        let has = |words: &BTreeSet<&str>, symbol: &&str| words.contains(symbol);
+        assert!(symbols.iter().all(|symbol| rows.iter().any(|(words, _)| has(words, symbol))), "{key}");
+        let expected = rows
+            .iter()
+            .filter(|(words, _)| symbols.iter().any(|symbol| has(words, symbol)))
+            .flat_map(|(_, numbers)| numbers.clone())
+            .filter(|number| !key.starts_with("container.") || OF_WALLS.contains(&number.as_str()))
+            .collect();
+        assert_eq!(equations(&row[4]), expected, "{key}");
+    }
+
+    // The model has all equations of the paper's section 2, and the table of the crate says where each is computed.
+    let of_the_paper = equations("(2.1)-(2.15)");
+    let of_the_model: BTreeSet<String> = rows.into_iter().flat_map(|(_, numbers)| numbers).collect();
+    assert!(of_the_model.is_superset(&of_the_paper), "{of_the_model:?}");
+    let of_the_crate: BTreeSet<String> = include_str!("../src/lib.rs")
+        .lines()
+        .filter_map(|line| line.strip_prefix("//! | (")?.split(" | ").next())
+        .flat_map(|cell| equations(&format!("({cell}")))
+        .collect();
+    assert_eq!(of_the_crate, of_the_paper);
 }
 
 #[test]

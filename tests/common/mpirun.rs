@@ -163,7 +163,7 @@ impl Job {
             .process_group(0);
         let child = command.spawn().unwrap_or_else(|why| panic!("{command:?} does not start: {why}"));
         let started = Instant::now();
-        Running { child, out, err, started, deadline: started + self.deadline, _machine: machine }
+        Running { child, out, err, started, patience: Patience::of(self.deadline), _machine: machine }
     }
 
     /// Runs the job to its end.
@@ -178,7 +178,7 @@ pub struct Running {
     out: NamedTempFile,
     err: NamedTempFile,
     started: Instant,
-    deadline: Instant,
+    patience: Patience,
     _machine: MutexGuard<'static, ()>,
 }
 
@@ -211,7 +211,7 @@ impl Running {
 
     /// From now on the job has so much time to end.
     pub fn must_end_within(&mut self, seconds: u64) {
-        self.deadline = Instant::now() + Duration::from_secs(seconds);
+        self.patience = Patience::of(Duration::from_secs(seconds));
     }
 
     /// The process of a job without mpirun.
@@ -252,7 +252,7 @@ impl Running {
     }
 
     fn give_up_late(&mut self, what: &str) {
-        if Instant::now() < self.deadline {
+        if !self.patience.is_over() {
             return;
         }
         let (out, err) = (text(&self.out), text(&self.err));
@@ -278,6 +278,32 @@ impl Drop for Running {
         if !matches!(self.child.try_wait(), Ok(Some(_))) {
             self.kill_all();
         }
+    }
+}
+
+/// How long a test still waits. Time in which the whole test stood still, because the machine slept or its control group was
+/// frozen, does not count: the job stood still as well.
+struct Patience {
+    left: Duration,
+    looked: Instant,
+}
+
+impl Patience {
+    /// Longer than any wait of a test that runs.
+    const STOOD_STILL: Duration = Duration::from_secs(2);
+
+    fn of(left: Duration) -> Self {
+        Patience { left, looked: Instant::now() }
+    }
+
+    /// To be asked again and again, every `GLANCE`.
+    fn is_over(&mut self) -> bool {
+        let now = Instant::now();
+        let passed = now - std::mem::replace(&mut self.looked, now);
+        if passed < Self::STOOD_STILL {
+            self.left = self.left.saturating_sub(passed);
+        }
+        self.left.is_zero()
     }
 }
 
