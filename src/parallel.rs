@@ -107,7 +107,7 @@ impl Watch {
     /// Passes a moment; false once it has been too many.
     fn goes_on(&mut self) -> bool {
         self.rounds += 1;
-        if self.rounds % 32 != 0 {
+        if !self.rounds.is_multiple_of(32) {
             spin_loop();
             return true;
         }
