@@ -176,8 +176,8 @@ rest() {
 resting_time() {
     case "$1" in
     200) echo 20 ;;
-    2000) echo 1 ;;
-    *) if [ "$1" -le 100000 ]; then echo 0.05; else echo 0.005; fi ;;
+    2000) echo 3 ;;
+    *) if [ "$1" -le 100000 ]; then echo 0.3; else echo 0.05; fi ;;
     esac
 }
 
