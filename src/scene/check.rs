@@ -333,7 +333,7 @@ fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
     let f_0 = scene.contact.repulsion_at_contact;
     if let Some(force) = solver.neglected_force.filter(|&force| force >= f_0) {
         let message = format!(
-            "{} is not less than {}: spheres that touch would not be evaluated",
+            "{} must be less than {}, or spheres that touch would not be evaluated",
             source.setting("solver.neglected_force", force, "N"),
             source.setting("contact.repulsion_at_contact", f_0, "N")
         );
