@@ -7,16 +7,15 @@ use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::elementary::Separate;
 use crate::error::Error;
-use crate::forces::{Broken, Depth, Dissipated, Forces, Setting, Stored};
+use crate::forces::{Broken, Depth, Dissipated, Forces, Place, Setting, Stored};
 use crate::instructions::InstructionSet;
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
-use crate::parallel::{self, Cut};
+use crate::parallel;
 use crate::particle::{Motion, Spin, Vec3};
 use crate::wish::Wish;
 use fail::fail_point;
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
 use std::time::{Duration, Instant};
 
 /// The furthest that a step may move a particle, as a share of its radius. Twice that, from both sides of a contact,
@@ -341,6 +340,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let keys = self.forces.bodies.iter().zip(&self.ids).map(|(body, &id)| order.key(&body.x, id));
         let keys: Vec<_> = keys.collect();
         self.forces.list(&keys, reach, reach - self.forces.law.r);
+        self.forces.show(self.halo.picks());
         self.origin.clear();
         self.origin.extend(y.iter().map(|body| body.x));
         let mut speed = [fastest(y)];
@@ -364,50 +364,53 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.forces.put(y);
     }
 
-    /// The right-hand side at a stage, as [`Forces::place`] asks for it. Collective.
-    fn evaluate<'v, C: Cut>(
+    /// The right-hand side at the stage that `make` makes, as for `Ivp::rhs_of`. Collective.
+    fn evaluate<const K: usize>(
         &mut self,
-        items: C,
+        t: f64,
+        mut vectors: [&mut [Motion<W>]; K],
         dydt: &mut [Motion<W>],
-        stage: &(impl Fn(Range<usize>, C, &mut [Motion<W>]) -> &'v [Motion<W>] + Sync),
-    ) where
-        W: 'v,
-    {
+        make: &(impl Fn(usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
+    ) {
         fail_point!("rhs");
         let begun = Instant::now();
-        let (forces, anchors) = (&mut self.forces, [&self.origin[..], &self.start]);
+        let forces = &mut self.forces;
+        let place = Place { make, anchors: [&self.origin, &self.start] };
         let mut waited = Duration::ZERO;
-        let alone = self.halo.is_idle();
-        let moved = forces.place(items, dydt, stage, anchors, alone);
-        if !alone {
+        forces.open(place, again(&mut vectors), dydt);
+        if self.halo.is_idle() {
+            forces.go_on(place, again(&mut vectors), dydt);
+        } else {
             let clock = Instant::now();
             let mut inside = Duration::ZERO;
-            self.halo.pack(&forces.bodies[..forces.owned]);
+            self.halo.pack(forces.own());
             self.halo.exchange_during(self.comm, &mut || {
                 fail_point!("underway");
                 let clock = Instant::now();
-                forces.add_walls(dydt);
+                forces.go_on(place, again(&mut vectors), dydt);
                 inside = clock.elapsed();
             });
             self.halo.deliver(forces.ghosts());
             waited = clock.elapsed().saturating_sub(inside);
         }
+        self.pair_evaluations += forces.close(place, again(&mut vectors), dydt);
+        let moved = forces.moved();
         self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
-        self.pair_evaluations += self.forces.finish(dydt);
         if self.audits {
             self.losses = self.dissipation();
         }
         self.clocks.ghosts += waited;
         self.clocks.forces += begun.elapsed().saturating_sub(waited);
+        self.look_out(t, dydt);
     }
 
     /// Remembers the first right-hand side that is not finite, where somebody asked for it. Collective.
-    fn look_out(&mut self, t: f64, y: &[Motion<W>], dydt: &[Motion<W>]) {
+    fn look_out(&mut self, t: f64, dydt: &[Motion<W>]) {
         if matches!(self.watch, Some(None)) {
             let mut steepest = [dydt.iter().map(Linear::max_abs).fold(0.0, larger)];
             self.comm.max(&mut steepest);
             if steepest[0] == f64::INFINITY {
-                self.watch = Some(Some((t, y.to_vec(), dydt.to_vec())));
+                self.watch = Some(Some((t, self.forces.own().to_vec(), dydt.to_vec())));
             }
         }
     }
@@ -530,6 +533,11 @@ pub fn common_instructions(comm: &dyn Comm, own: InstructionSet) -> [Instruction
     ends.map(|end| InstructionSet::ALL[end.abs() as usize])
 }
 
+/// The same slices once more.
+fn again<'v, S, const K: usize>(vectors: &'v mut [&mut [S]; K]) -> [&'v mut [S]; K] {
+    vectors.each_mut().map(|vector| &mut **vector)
+}
+
 /// Largest speed, m/s.
 fn fastest<W>(y: &[Motion<W>]) -> f64 {
     y.iter().fold(0.0, |speed, body| larger(speed, body.v.norm_squared())).sqrt()
@@ -545,23 +553,21 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
     }
 
     fn rhs(&mut self, t: f64, y: &[Motion<W>], dydt: &mut [Motion<W>]) {
-        self.evaluate((), dydt, &|range, (), _| &y[range]);
-        self.look_out(t, y, dydt);
+        let make =
+            |first: usize, []: [&mut [Motion<W>]; 0], bodies: &mut [Motion<W>], _: &mut [Motion<W>]| {
+                bodies.copy_from_slice(&y[first..first + bodies.len()]);
+            };
+        self.evaluate(t, [], dydt, &make);
     }
 
     fn rhs_of<const K: usize>(
         &mut self,
         t: f64,
-        mut vectors: [&mut [Motion<W>]; K],
+        vectors: [&mut [Motion<W>]; K],
         dydt: &mut [Motion<W>],
-        make: &(impl Fn(usize, [&mut [Motion<W>]; K], &mut [Motion<W>]) + Sync),
+        make: &(impl Fn(usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
     ) {
-        let parts = vectors.each_mut().map(|vector| &mut **vector);
-        self.evaluate(parts, dydt, &|range, mut parts: [&mut [Motion<W>]; K], slopes| {
-            make(range.start, parts.each_mut().map(|part| &mut **part), slopes);
-            parts.into_iter().next().expect("the first is the stage")
-        });
-        self.look_out(t, vectors[0], dydt);
+        self.evaluate(t, vectors, dydt, make);
     }
 
     fn losses(&self) -> Losses {

@@ -6,13 +6,16 @@ use crate::contact::{Action, Energies, Law, Rebound, Tangential};
 use crate::container::Wall;
 use crate::elementary::{Arithmetic, Separate};
 use crate::instructions::InstructionSet;
-use crate::kernel::{self, Batch, Measure, Survey, Sweep};
+use crate::kernel::{self, Batch, Measure, Survey};
 use crate::neighbors::{Block, Key, Lists};
 use crate::ode::{Linear, larger};
-use crate::parallel::{self, Cut};
-use crate::particle::{Motion, Spin, Vec3, dot, minus};
-use fail::fail_point;
-use std::ops::Range;
+use crate::parallel;
+use crate::particle::{Motion, Spin, Vec3};
+use blocks::{Part, each_block};
+pub use pass::Place;
+
+mod blocks;
+mod pass;
 
 /// How far beyond the cut-off near pairs are picked, as a share of the radius.
 const INNER_SKIN: f64 = 0.1;
@@ -48,45 +51,10 @@ const LOAD: u64 = 4;
 /// A block may have this many times its fair share of the work before blocks are cut anew.
 const TOLERATED_IMBALANCE: f64 = 1.03;
 
-/// A block and what belongs to it.
-struct Part<'a, C> {
-    block: &'a Block,
-    batch: &'a mut Batch,
-    /// The block's part of what there is of all owned particles.
-    items: C,
-}
-
-/// Does `work` for every block, by as many threads as there are, and combines what it returns. `items` cover the
-/// blocks' particles, of which there may be none.
-fn each_block<C: Cut, A: Send>(
-    (blocks, batches): (&[Block], &mut [Batch]),
-    items: C,
-    work: &(impl Fn(Part<C>) -> A + Sync),
-    combine: &(impl Fn(A, A) -> A + Sync),
-) -> A {
-    if let ([block], [batch]) = (blocks, &mut *batches) {
-        return work(Part { block, batch, items });
-    }
-    let half = blocks.len() / 2;
-    let middle = blocks[half].range.start - blocks[0].range.start;
-    let (blocks, batches) = (blocks.split_at(half), batches.split_at_mut(half));
-    let items = items.cut(middle);
-    let (a, b) = parallel::join(
-        || each_block((blocks.0, batches.0), items.0, work, combine),
-        || each_block((blocks.1, batches.1), items.1, work, combine),
-    );
-    combine(a, b)
-}
-
-/// Sets the slopes of a block to velocities, forces (N) and torques (N m) of the walls: of those that were picked as near,
-/// while they hold, else of all.
-fn add_walls<R: Rebound, T: Tangential, W: Spin>(set: InstructionSet, near: bool, sweep: Sweep<R, T, W>) {
-    for (slope, body) in sweep.slopes.iter_mut().zip(sweep.bodies) {
-        // By component: a whole one would take a detour over the stack.
-        (slope.x, slope.v, slope.omega) = (body.v, Vec3::zeros(), W::zero());
-    }
-    let walls = if near { &sweep.block.near_walls } else { &sweep.block.walls };
-    kernel::add_walls(set, walls, sweep);
+/// Largest squared distance of `bodies` from where they were, m^2.
+fn strayed<W: Spin>(bodies: &[Motion<W>], from: &[Vec3]) -> f64 {
+    let way = |k: usize| (bodies[k].x - from[k]).norm_squared();
+    parallel::fold(bodies.len(), parallel::GRAIN, way, 0.0, larger)
 }
 
 /// How far a contact is below the largest gap at which surfaces interact, which it holds, and its overlap, m; 0 where it
@@ -138,8 +106,10 @@ pub struct Forces<R, T, W> {
     pub bodies: Vec<Motion<W>>,
     /// Where the bodies were when the near pairs were picked, m.
     picked: Vec<Vec3>,
-    /// Largest squared distance of an owned body from there, m^2.
+    /// Largest squared distance of a body from there, m^2.
     strayed: f64,
+    /// How far the bodies of the right-hand side at hand have come.
+    ways: pass::Ways,
     /// Bounds of the blocks, from 0 to 1, as shares of the owned particles.
     shares: Vec<f64>,
     /// One for every block.
@@ -158,6 +128,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             bodies: Vec::new(),
             picked: Vec::new(),
             strayed: 0.0,
+            ways: [0.0; 3],
             shares: Vec::new(),
             batches: Vec::new(),
             set,
@@ -193,6 +164,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             self.shares.iter().map(|share| (share * self.owned as f64).round() as usize).collect();
         self.lists.rebuild_between(&bounds, x, keys, reach, (&self.setting.walls, wall_reach));
         self.batches.resize_with(self.lists.blocks.len(), Batch::default);
+        self.show(std::iter::empty());
         self.pick_near();
     }
 
@@ -248,16 +220,6 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         (0.5 * INNER_SKIN * self.law.r).powi(2)
     }
 
-    /// Picks the near pairs afresh if a body has strayed too far; of the owned ones that is known.
-    fn follow_near(&mut self) {
-        let (ghosts, picked) = (&self.bodies[self.owned..], &self.picked[self.owned..]);
-        let way = |k: usize| (ghosts[k].x - picked[k]).norm_squared();
-        let strayed = parallel::fold(ghosts.len(), parallel::GRAIN, way, self.strayed, larger);
-        if strayed > self.allowed() {
-            self.pick_near();
-        }
-    }
-
     /// The ghosts, behind the owned bodies.
     pub fn ghosts(&mut self) -> &mut [Motion<W>] {
         &mut self.bodies[self.owned..]
@@ -265,85 +227,16 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Moves the owned bodies to `y`; the ghosts are in place.
     pub fn put(&mut self, y: &[Motion<W>]) {
-        let picked = &self.picked;
-        let put = |first: usize, bodies: &mut [Motion<W>]| {
-            let from = y[first..].iter().zip(&picked[first..]);
-            bodies.iter_mut().zip(from).fold(0.0, |strayed, (body, (y, from))| {
-                *body = *y;
-                larger(strayed, (y.x - from).norm_squared())
-            })
-        };
-        self.strayed = parallel::chunks(&mut self.bodies[..self.owned], parallel::GRAIN, put, larger);
-        self.follow_near();
+        self.bodies[..self.owned].copy_from_slice(y);
+        self.strayed = strayed(&self.bodies, &self.picked);
+        if self.strayed > self.allowed() {
+            self.pick_near();
+        }
     }
 
-    /// Moves the owned bodies to the stage that `stage(range, items, slopes)` makes, by blocks, and returns the largest
-    /// squared distances (m^2) from `origin` and `start`. `items` belong to the owned particles. With `walls` the slopes are
-    /// then what `add_walls` leaves. Needs no ghosts.
-    pub fn place<'v, C: Cut>(
-        &mut self,
-        items: C,
-        dydt: &mut [Motion<W>],
-        stage: &(impl Fn(Range<usize>, C, &mut [Motion<W>]) -> &'v [Motion<W>] + Sync),
-        [origin, start]: [&[Vec3]; 2],
-        walls: bool,
-    ) -> [f64; 2]
-    where
-        W: 'v,
-    {
-        let (law, setting, set, picked) = (&self.law, &self.setting, self.set, &self.picked);
-        let allowed = self.allowed();
-        let place = |Part { block, batch, items: (bodies, (slopes, items)) }: Part<(_, (_, C))>| {
-            let bodies: &mut [Motion<W>] = bodies;
-            let slopes: &mut [Motion<W>] = slopes;
-            let y = stage(block.range.clone(), items, slopes);
-            let mut moved = [0.0; 3];
-            let from = origin[block.range.clone()].iter().zip(&start[block.range.clone()]);
-            let from = from.zip(&picked[block.range.clone()]);
-            for ((body, y), ((origin, start), picked)) in bodies.iter_mut().zip(y).zip(from) {
-                *body = *y;
-                for (moved, from) in moved.iter_mut().zip([origin, start, picked]) {
-                    let way = minus(&body.x, from);
-                    *moved = larger(*moved, dot::<Separate>(&way, &way));
-                }
-            }
-            if walls {
-                let near = moved[2] <= allowed;
-                add_walls(set, near, Sweep { law, setting, bodies, block, batch, slopes });
-            }
-            moved
-        };
-        let items = (&mut self.bodies[..self.owned], (dydt, items));
-        let all = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| larger(a[k], b[k]));
-        let [from_origin, from_start, strayed] =
-            each_block((&self.lists.blocks, &mut self.batches), items, &place, &all);
-        self.strayed = strayed;
-        [from_origin, from_start]
-    }
-
-    /// Sets the slopes of the owned bodies in place to velocities and to the forces (N) and torques (N m) of the walls.
-    /// Needs no ghosts.
-    pub fn add_walls(&mut self, dydt: &mut [Motion<W>]) {
-        let (law, setting, set) = (&self.law, &self.setting, self.set);
-        let near = self.strayed <= self.allowed();
-        let work = |Part { block, batch, items: (bodies, slopes) }: Part<(&mut [Motion<W>], &mut [_])>| {
-            add_walls(set, near, Sweep { law, setting, bodies, block, batch, slopes });
-        };
-        let items = (&mut self.bodies[..self.owned], dydt);
-        each_block((&self.lists.blocks, &mut self.batches), items, &work, &|(), ()| ());
-    }
-
-    /// Adds the pairs of the bodies in place to what `add_walls` left in the slopes, and makes accelerations of the forces,
-    /// eqs. (2.13)-(2.15). Returns how many pairs are within `l_max` and have the earlier of their particles here: over
-    /// all ranks every pair is counted once.
-    pub fn finish(&mut self, dydt: &mut [Motion<W>]) -> u64 {
-        self.follow_near();
-        let (law, setting, bodies, set) = (&self.law, &self.setting, &self.bodies[..], self.set);
-        let finish = |Part { block, batch, items: slopes }: Part<&mut [Motion<W>]>| {
-            fail_point!("worker");
-            kernel::add_pairs(set, Sweep { law, setting, bodies, block, batch, slopes })
-        };
-        each_block((&self.lists.blocks, &mut self.batches), dydt, &finish, &|a, b| a + b)
+    /// The owned bodies in place.
+    pub fn own(&self) -> &[Motion<W>] {
+        &self.bodies[..self.owned]
     }
 
     /// A wall is a motionless partner with n = -n_k.

@@ -113,17 +113,24 @@ impl Order {
     }
 }
 
+/// Pairs that are evaluated together.
+pub const BATCH: usize = 128;
+
 /// Contacts of a range of owned particles, as one thread evaluates them. A pair across ranges, like one across ranks, is
 /// listed in both.
 #[derive(Debug, Default)]
 pub struct Block {
     /// The owned particles.
     pub range: Range<usize>,
+    /// Those of them between which and the ends of the range are all that other ranks see.
+    pub hidden: Range<usize>,
     /// Local indices of pairs with a particle in `range`, each the earlier one in the order of sums first, in that
     /// order.
     pub pairs: Vec<[u32; 2]>,
     /// The pairs that may be within the cut-off before a particle has moved by half the inner skin.
     pub near: Vec<[u32; 2]>,
+    /// One more than the highest particle of the range (or its start) in every [`BATCH`] of near pairs.
+    pub horizon: Vec<u32>,
     /// Particle and wall, by both.
     pub walls: Vec<[u32; 2]>,
     /// The walls that may be within the cut-off before a particle has moved by half the inner skin.
@@ -159,10 +166,16 @@ impl Block {
             kept += usize::from(!far);
         }
         self.near.truncate(kept);
+        self.horizon.clear();
+        let own = self.range.start as u32..self.range.end as u32;
+        self.horizon.extend(self.near.chunks(BATCH).map(|pairs| {
+            pairs.as_flattened().iter().filter(|i| own.contains(i)).fold(own.start, |most, i| most.max(i + 1))
+        }));
     }
 
     fn bytes(&self) -> usize {
-        [&self.pairs, &self.near, &self.walls, &self.near_walls].map(Vec::capacity).iter().sum::<usize>() * 8
+        let lists = [&self.pairs, &self.near, &self.walls, &self.near_walls].map(Vec::capacity);
+        lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + self.horizon.capacity() * size_of::<u32>()
     }
 }
 

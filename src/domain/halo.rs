@@ -72,6 +72,11 @@ impl Halo {
         self.ghosts
     }
 
+    /// Owned particles that are ghosts elsewhere, some of them more than once.
+    pub fn picks(&self) -> impl Iterator<Item = usize> {
+        self.picks.iter().map(|&i| i as usize)
+    }
+
     /// Decides who sends what: every owned particle within `reach` (m) of another rank's extent along `axis` becomes its
     /// ghost.
     /// Returns the ids of the ghosts in the order in which `refresh` delivers them. Collective.

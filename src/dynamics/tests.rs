@@ -26,22 +26,26 @@ fn setting() -> Setting {
     Setting { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
 }
 
-/// Slopes from `bounds.len() + 1` ranks, whose slabs have these inner bounds.
-fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
-    let law = Law {
+fn law() -> Law<Dissipative, Coulomb> {
+    Law {
         r: 0.1,
         f_0: 10.0,
         kappa: 150.0,
         l_max: 0.1,
         rebound: Dissipative::new(0.4, 10.0),
         tangential: Coulomb::new(0.2, 0.01),
-    };
+    }
+}
+
+/// Slopes from `bounds.len() + 1` ranks, whose slabs have these inner bounds.
+fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
     let ranks = bounds.len() + 1;
     let found = Mutex::new((BTreeMap::<u64, Vec<u64>>::new(), 0));
     team(ranks, |comm| {
         let own = rows::block(bodies.len() as u64, comm.rank(), ranks);
         let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
-        let mut dynamics = Dynamics::new(comm, law, setting(), 1.0, own.collect(), &mut y, &mut []).unwrap();
+        let mut dynamics =
+            Dynamics::new(comm, law(), setting(), 1.0, own.collect(), &mut y, &mut []).unwrap();
         dynamics.slabs = Slabs::with_inner_bounds(bounds);
         dynamics.relocate(0.0, &mut y, &mut []).unwrap();
         let (low, high) = dynamics.slabs().of(comm.rank());
@@ -164,5 +168,102 @@ fn slabs_share_out_near_pairs_and_not_particles() {
             assert!(imbalance(&loads) < 1.1, "{loads:?}");
             assert!(imbalance(&counts) > 1.3, "{counts:?}");
         });
+    }
+}
+
+/// On a floor, below which the bed begins.
+fn floor() -> Setting {
+    Setting { walls: vec![Wall::new(Vec3::repeat(-0.09), -Vec3::z())], ..setting() }
+}
+
+/// A bed of `n` spheres, 4 deep and 8 wide, that overlap a little, with velocities and spins.
+fn bed(n: usize) -> Vec<Body> {
+    let body = |k: usize| {
+        let [a, b, c] = [k % 4, k / 4 % 8, k / 32].map(|k| k as f64);
+        let shake = |s: usize| 0.02 * ((k * s % 17) as f64 / 17.0 - 0.5);
+        let x = Vec3::new(0.19 * c + shake(5), 0.19 * b + shake(7), 0.19 * a + shake(11));
+        Motion {
+            x,
+            v: Vec3::from_fn(|axis, _| 20.0 * shake(axis + 2)),
+            omega: Spinning(Vec3::repeat(shake(13))),
+        }
+    };
+    (0..n).map(body).collect()
+}
+
+/// The slopes of `bodies` moved by `way(id)` (m) after their lists were built, with the ids, and the pairs, of this rank.
+fn after_a_move(comm: &dyn Comm, bodies: &[Body], way: &dyn Fn(u64) -> f64) -> (Vec<(u64, Body)>, u64) {
+    let own = rows::block(bodies.len() as u64, comm.rank(), comm.size());
+    let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
+    let mut dynamics = Dynamics::new(comm, law(), floor(), 1.0, own.collect(), &mut y, &mut []).unwrap();
+    assert_eq!(dynamics.forces.lists.blocks.len(), rayon::current_num_threads());
+    for (body, &id) in y.iter_mut().zip(dynamics.ids()) {
+        body.x.y += way(id);
+    }
+    dynamics.begin(&y);
+    let mut slope = y.clone();
+    dynamics.rhs(0.0, &y, &mut slope);
+    (dynamics.ids().iter().copied().zip(slope).collect(), dynamics.own_pairs())
+}
+
+/// The same by id, from so many ranks of so many threads.
+fn by_ranks_and_threads(
+    bodies: &[Body],
+    way: &(dyn Fn(u64) -> f64 + Sync),
+    ranks: usize,
+    threads: usize,
+) -> (Vec<Body>, u64) {
+    let found = Mutex::new((vec![Motion::zero(); bodies.len()], 0));
+    team(ranks, |comm| {
+        // Its work is done by this thread and others.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build().unwrap();
+        let (slopes, pairs) = after_a_move(comm, bodies, way);
+        drop(pool);
+        let mut found = found.lock().unwrap();
+        slopes.into_iter().for_each(|(id, slope)| found.0[id as usize] = slope);
+        found.1 += pairs;
+    });
+    found.into_inner().unwrap()
+}
+
+#[test]
+fn slopes_of_a_long_bed_are_the_sums_of_its_contacts_by_any_ranks_and_threads() {
+    // More particles than are made ahead of their pairs. They are at rest since the lists were built, or all have moved
+    // on, or only those that come last, when most pairs have been evaluated with what was picked before.
+    let bodies = bed(3000);
+    let ways: [&(dyn Fn(u64) -> f64 + Sync); 3] =
+        [&|_| 0.0, &|id| 0.012 * (id % 3) as f64, &|id| if id > 2900 { 0.02 } else { 0.0 }];
+    for way in ways {
+        let alone = by_ranks_and_threads(&bodies, way, 1, 1);
+        let moved: Vec<Body> = (0u64..)
+            .zip(&bodies)
+            .map(|(id, body)| Motion { x: body.x + Vec3::y() * way(id), ..*body })
+            .collect();
+        for i in (0..3000).step_by(37).chain(2900..2910) {
+            let (mut force, mut torque) = (Vec3::zeros(), Vec3::zeros());
+            let mut add = |gap: f64, n: Vec3, v: Vec3, spins: Spinning| {
+                if gap <= 0.1 {
+                    let action = law().action::<Separate, _>(gap, &n, &v, &spins);
+                    force += action.force;
+                    torque += action.torque.0;
+                }
+            };
+            let a = &moved[i];
+            for wall in &floor().walls {
+                add(wall.depth(&a.x) - 0.1, -wall.normal, a.v, a.omega);
+            }
+            for b in moved.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, b)| b) {
+                let apart = a.x - b.x;
+                add(apart.norm() - 0.2, apart.normalize(), a.v - b.v, a.omega.plus(&b.omega));
+            }
+            let (slope, acceleration) = (&alone.0[i], force / 2.5 + floor().gravity);
+            assert!((slope.v - acceleration).norm() <= 1e-10 * (1.0 + force.norm()), "particle {i}");
+            assert!((slope.omega.0 - torque * 40.0).norm() <= 1e-9 * (1.0 + force.norm()), "particle {i}");
+            assert_eq!(slope.x, a.v);
+        }
+        for (ranks, threads) in [(2, 1), (3, 1), (1, 2), (1, 3), (2, 2)] {
+            let shared = by_ranks_and_threads(&bodies, way, ranks, threads);
+            assert!(shared == alone, "other bits from {ranks} ranks of {threads} threads");
+        }
     }
 }

@@ -6,8 +6,10 @@ use crate::elementary::Arithmetic;
 pub trait Lanes: Arithmetic {
     /// Four numbers.
     type Row: Copy;
-    /// A row; neighbours in memory are loaded together.
+    /// A row.
     fn row(numbers: [f64; 4]) -> Self::Row;
+    /// A row of neighbours in memory: by one instruction, which the compiler does not always make of `row`.
+    fn load(numbers: &[f64; 4]) -> Self::Row;
     /// The numbers of a row.
     fn numbers(row: Self::Row) -> [f64; 4];
     /// a + b
@@ -37,6 +39,10 @@ impl Lanes for Plain {
     #[inline(always)]
     fn row(numbers: [f64; 4]) -> Self::Row {
         numbers
+    }
+    #[inline(always)]
+    fn load(numbers: &[f64; 4]) -> Self::Row {
+        *numbers
     }
     #[inline(always)]
     fn numbers(row: Self::Row) -> [f64; 4] {
@@ -97,6 +103,11 @@ mod wide {
             unsafe { _mm256_set_pd(w, z, y, x) }
         }
         #[inline(always)]
+        fn load(numbers: &[f64; 4]) -> Self::Row {
+            // SAFETY: see `row`; four numbers are there.
+            unsafe { _mm256_loadu_pd(numbers.as_ptr()) }
+        }
+        #[inline(always)]
         fn numbers(row: Self::Row) -> [f64; 4] {
             // SAFETY: both are four numbers.
             unsafe { std::mem::transmute(row) }
@@ -143,6 +154,7 @@ mod tests {
         let row = |first: f64| L::row([first, first + 1.0, first + 2.0, first + 3.0]);
         let rows = [0.0, 10.0, 20.0, 30.0].map(row);
         assert_eq!(L::numbers(rows[2]), [20.0, 21.0, 22.0, 23.0]);
+        assert_eq!(L::numbers(L::load(&[1.0, 2.0, 3.0, 4.0])), [1.0, 2.0, 3.0, 4.0]);
         assert_eq!(L::numbers(L::plus(rows[1], rows[2])), [30.0, 32.0, 34.0, 36.0]);
         assert_eq!(L::numbers(L::minus(rows[1], rows[3])), [-20.0; 4]);
         assert_eq!(L::numbers(L::add_products(rows[0], rows[1], rows[2])), [20.0, 32.0, 46.0, 62.0]);

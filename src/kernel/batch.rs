@@ -1,13 +1,10 @@
 //! Columns of a batch of contacts: filled from particles, replaced by what the contacts do, added to particles.
 
-use super::Measure;
+use super::{BATCH, Measure};
 use crate::contact::{Action, Law, Rebound, Tangential};
 use crate::instructions::Lanes;
 use crate::particle::{Motion, Spin, Vec3};
 use std::ops::Range;
-
-/// Contacts in a batch: their columns stay in the first-level cache.
-pub const BATCH: usize = 128;
 
 /// Columns are evaluated in multiples of this.
 const STRIDE: usize = 8;
@@ -18,7 +15,7 @@ type Column = [f64; BATCH];
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 pub struct Batch {
-    /// Gap, m; of walls only.
+    /// Gap, m.
     pub gap: Column,
     /// Pairs: difference of the centres, m; walls: unit normal towards the particle. Then force, N.
     pub n: [Column; 3],
@@ -26,7 +23,7 @@ pub struct Batch {
     v: [Column; 3],
     /// Sum of the angular velocities, rad/s. Then torque, N m.
     spins: [Column; 3],
-    /// 1 where the contact is within `l_max`, 0 elsewhere.
+    /// 1 where a pair is within `l_max`, 0 elsewhere.
     pub near: [u64; BATCH],
 }
 
@@ -114,18 +111,17 @@ impl Batch {
         [self.n[0][k], self.n[1][k]] = measure.of::<L>(gap, n, &v, &self.torque::<W>(k));
     }
 
-    /// Replaces what was put by force and torque; zero unless the contact is `near`.
+    /// Replaces what was put by force and torque at the gap that is there; zero unless the contact is `near`.
     #[inline(always)]
     pub fn evaluate<L: Lanes, R: Rebound, T: Tangential, W: Spin>(
         &mut self,
         k: usize,
         law: &Law<R, T>,
         near: bool,
-        gap: f64,
-        n: &Vec3,
     ) {
         let v = Vec3::new(self.v[0][k], self.v[1][k], self.v[2][k]);
-        let Action { force, torque } = law.action::<L, W>(gap, n, &v, &self.torque::<W>(k));
+        let Action { force, torque } =
+            law.action::<L, W>(self.gap[k], &self.normal(k), &v, &self.torque::<W>(k));
         self.n[0][k] = if near { force.x } else { 0.0 };
         self.n[1][k] = if near { force.y } else { 0.0 };
         self.n[2][k] = if near { force.z } else { 0.0 };
@@ -135,7 +131,6 @@ impl Batch {
             self.spins[1][k] = if near { torque.y } else { 0.0 };
             self.spins[2][k] = if near { torque.z } else { 0.0 };
         }
-        self.near[k] = u64::from(near);
     }
 
     /// The force that took the normal's place.
@@ -155,7 +150,7 @@ impl Batch {
     }
 
     /// Adds forces and torques of the pairs to the slopes of particles of the `range`, and returns how many pairs are near
-    /// and have their first particle there. Partners elsewhere are the matter of their own block or rank.
+    /// although their first particle is not there. Partners elsewhere are the matter of their own block or rank.
     #[inline(always)]
     pub fn scatter<L: Lanes, W: Spin>(
         &self,
@@ -163,31 +158,62 @@ impl Batch {
         range: &Range<usize>,
         slopes: &mut [Motion<W>],
     ) -> u64 {
-        let mut count = 0;
-        let signs = L::row([-1.0, -1.0, -1.0, 1.0]);
-        let zeros = L::row([0.0; 4]);
-        for (quad, pairs) in pairs.chunks(4).enumerate() {
-            let k = 4 * quad;
-            let spins = if W::COMPONENTS == 3 {
-                [get::<L>(&self.spins[0], k), get::<L>(&self.spins[1], k), get::<L>(&self.spins[2], k)]
-            } else {
-                [zeros; 3]
-            };
-            let force = [get::<L>(&self.n[0], k), get::<L>(&self.n[1], k), get::<L>(&self.n[2], k)];
-            let heads = L::transpose([force[0], force[1], force[2], spins[0]]);
-            let tails = L::transpose([spins[1], spins[2], zeros, zeros]);
-            for (p, &[i, j]) in pairs.iter().enumerate() {
-                if let Some(slope) = slopes.get_mut((i as usize).wrapping_sub(range.start)) {
-                    add::<L, W>(slope, L::plus(slopes_head::<L, W>(slope), heads[p]), tails[p]);
-                    count += self.near[k + p];
-                }
-                if let Some(slope) = slopes.get_mut((j as usize).wrapping_sub(range.start)) {
-                    let head = L::add_products(signs, heads[p], slopes_head::<L, W>(slope));
-                    add::<L, W>(slope, head, tails[p]);
-                }
+        let mut elsewhere = 0;
+        let (fours, rest) = pairs.as_chunks::<4>();
+        for (quad, pairs) in fours.iter().enumerate() {
+            let (heads, tails) = self.actions::<L, W>(4 * quad);
+            for p in 0..4 {
+                elsewhere += self.add::<L, W>(4 * quad + p, pairs[p], (heads[p], tails[p]), range, slopes);
             }
         }
-        count
+        if !rest.is_empty() {
+            let first = 4 * fours.len();
+            let (heads, tails) = self.actions::<L, W>(first);
+            for (p, &pair) in rest.iter().enumerate() {
+                elsewhere += self.add::<L, W>(first + p, pair, (heads[p], tails[p]), range, slopes);
+            }
+        }
+        elsewhere
+    }
+
+    /// Of four contacts from `k` on: forces with the first component of the torques, and the other two.
+    #[inline(always)]
+    fn actions<L: Lanes, W: Spin>(&self, k: usize) -> ([L::Row; 4], [L::Row; 4]) {
+        let get = |column| get::<L>(column, k);
+        let zeros = L::row([0.0; 4]);
+        let [x, y, z] = if W::COMPONENTS == 3 {
+            [get(&self.spins[0]), get(&self.spins[1]), get(&self.spins[2])]
+        } else {
+            [zeros; 3]
+        };
+        let force = [get(&self.n[0]), get(&self.n[1]), get(&self.n[2])];
+        (L::transpose([force[0], force[1], force[2], x]), L::transpose([y, z, zeros, zeros]))
+    }
+
+    /// Adds an action to both slopes of a pair, where they are in the `range`. Returns 1 if the first is not and the pair, at
+    /// `k`, is near.
+    #[inline(always)]
+    fn add<L: Lanes, W: Spin>(
+        &self,
+        k: usize,
+        [i, j]: [u32; 2],
+        (head, tail): (L::Row, L::Row),
+        range: &Range<usize>,
+        slopes: &mut [Motion<W>],
+    ) -> u64 {
+        let mut elsewhere = 0;
+        if let Some(slope) = slopes.get_mut((i as usize).wrapping_sub(range.start)) {
+            let sum = L::plus(slopes_head::<L, W>(slope), head);
+            replace::<L, W>(slope, sum, tail);
+        } else {
+            elsewhere = self.near[k];
+        }
+        if let Some(slope) = slopes.get_mut((j as usize).wrapping_sub(range.start)) {
+            let signs = L::row([-1.0, -1.0, -1.0, 1.0]);
+            let sum = L::add_products(signs, head, slopes_head::<L, W>(slope));
+            replace::<L, W>(slope, sum, tail);
+        }
+        elsewhere
     }
 }
 
@@ -212,7 +238,7 @@ fn slopes_head<L: Lanes, W: Spin>(slope: &Motion<W>) -> L::Row {
 
 /// Replaces force and first component of the torque, and adds to the others the first two numbers of `tail`.
 #[inline(always)]
-fn add<L: Lanes, W: Spin>(slope: &mut Motion<W>, head: L::Row, tail: L::Row) {
+fn replace<L: Lanes, W: Spin>(slope: &mut Motion<W>, head: L::Row, tail: L::Row) {
     let w = slope.omega.vector();
     let [x, y, z, p] = L::numbers(head);
     slope.v = Vec3::new(x, y, z);
@@ -225,7 +251,7 @@ fn add<L: Lanes, W: Spin>(slope: &mut Motion<W>, head: L::Row, tail: L::Row) {
 /// Four numbers of a column, from number `k` on.
 #[inline(always)]
 fn get<L: Lanes>(column: &Column, k: usize) -> L::Row {
-    L::row([column[k], column[k + 1], column[k + 2], column[k + 3]])
+    L::load(column[k..].first_chunk().expect("columns are evaluated by eights"))
 }
 
 /// Sets four numbers of a column, from number `k` on.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::contact::{Coulomb, Dissipative, Elastic, Frictionless};
 use crate::elementary::{Fused, Separate};
-use crate::forces::{Dissipated, Stored};
+use crate::forces::{Dissipated, Setting, Stored};
 use crate::neighbors::{Lists, Order};
 use crate::ode::Linear;
 use crate::particle::{Locked, Spinning};
@@ -58,13 +58,15 @@ fn slopes<R: Rebound, T: Tangential, W: Spin>(
         for (slope, body) in slopes.iter_mut().zip(own) {
             *slope = Motion { x: body.v, ..Motion::zero() };
         }
-        let setting = &setting;
-        add_walls(
-            set,
-            &block.walls,
-            Sweep { law, setting, bodies: own, block, batch: &mut batch, slopes: &mut *slopes },
-        );
-        count += add_pairs(set, Sweep { law, setting, bodies, block, batch: &mut other, slopes });
+        let range = || block.range.clone();
+        let walls = Sweep { law, bodies: own, range: range(), batch: &mut batch, slopes: &mut *slopes };
+        add_walls(set, (&block.walls, &setting.walls), walls);
+        let pairs = Sweep { law, bodies, range: range(), batch: &mut other, slopes: &mut *slopes };
+        count += add_pairs(set, &block.near, pairs);
+        for slope in slopes {
+            slope.v = slope.v / setting.mass + setting.gravity;
+            slope.omega = slope.omega.scaled(setting.inverse_inertia);
+        }
     }
     (slopes, count)
 }

@@ -179,9 +179,12 @@ impl<P: Ivp> Method<P> for Chebyshev {
             // of is at the same index.
             trial.stages.swap(0, 1);
             let [change, before, ..] = &mut trial.stages[..] else { unreachable!("there is room for two") };
-            let older = &*before;
-            let make = |start: usize, [stages, changes]: [&mut [P::State]; 2], slopes: &mut [P::State]| {
-                for (k, (change, stage)) in changes.iter_mut().zip(stages).enumerate() {
+            let (older, is_last) = (&*before, j + 1 == s);
+            let make = |start: usize,
+                        [next, changes]: [&mut [P::State]; 2],
+                        stages: &mut [P::State],
+                        slopes: &mut [P::State]| {
+                for (k, (change, stage)) in changes.iter_mut().zip(&mut *stages).enumerate() {
                     let i = start + k;
                     let mut sum = P::State::zero();
                     if j > 0 {
@@ -195,6 +198,9 @@ impl<P: Ivp> Method<P> for Chebyshev {
                     *change = sum;
                     *stage = y[i];
                     stage.add_scaled(1.0, &sum);
+                }
+                if is_last {
+                    next.copy_from_slice(stages);
                 }
             };
             let mut sum = [0.0; 2];

@@ -71,17 +71,18 @@ pub trait Ivp {
     fn begin(&mut self, y: &[Self::State]);
     /// dy/dt at time `t` (s) and state `y`; both slices hold the owned particles. Collective.
     fn rhs(&mut self, t: f64, y: &[Self::State], dydt: &mut [Self::State]);
-    /// `rhs` at a stage that is made on the way: `make(first, vectors, dydt)` gets parts of the vectors, which begin with
-    /// particle `first`, and puts the stage into the first of them, from what `dydt` still holds if need be. Collective.
+    /// `rhs` at a stage that is made on the way: `make(first, vectors, stage, dydt)` puts the stage of the particles from
+    /// `first` on into `stage`, from parts of the vectors and from what `dydt` still holds if need be. Collective.
     fn rhs_of<const K: usize>(
         &mut self,
         t: f64,
-        mut vectors: [&mut [Self::State]; K],
+        vectors: [&mut [Self::State]; K],
         dydt: &mut [Self::State],
-        make: &(impl Fn(usize, [&mut [Self::State]; K], &mut [Self::State]) + Sync),
+        make: &(impl Fn(usize, [&mut [Self::State]; K], &mut [Self::State], &mut [Self::State]) + Sync),
     ) {
-        make(0, vectors.each_mut().map(|vector| &mut **vector), dydt);
-        self.rhs(t, vectors[0], dydt);
+        let mut stage = vec![Self::State::zero(); dydt.len()];
+        make(0, vectors, &mut stage, dydt);
+        self.rhs(t, &stage, dydt);
     }
     /// Power lost in the last right-hand side by rebound and by friction, W; zero where nobody asked for it.
     fn losses(&self) -> Losses {
@@ -162,7 +163,7 @@ impl<S: Linear> Anchor<S> {
 /// for right-hand sides: there is one for all methods, of which one is at work at a time.
 #[derive(Debug, Clone)]
 pub struct Trial<S> {
-    /// State at its end; while the step is under way, the stage that is evaluated.
+    /// State at its end.
     pub next: Vec<S>,
     /// f at its end, if the method knows it; else a slope inside of the step.
     pub slope: Vec<S>,

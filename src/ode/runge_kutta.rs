@@ -120,11 +120,18 @@ impl<P: Ivp> Method<P> for RungeKutta {
             let place = self.places[s - 1];
             let mut new = std::mem::take(vector_at(place, slope, stages));
             let slopes = self.slopes(first, slope, stages);
-            let make = |start: usize, [chunk]: [&mut [P::State]; 1], old: &mut [P::State]| {
+            let is_result = table.first_same_as_last && s + 1 == table.stages();
+            let make = |start: usize,
+                        [next]: [&mut [P::State]; 1],
+                        stages: &mut [P::State],
+                        old: &mut [P::State]| {
                 let slopes = slopes.map(|slope| if slope.is_empty() { &*old } else { &slope[start..] });
-                for (k, stage) in chunk.iter_mut().enumerate() {
+                for (k, stage) in stages.iter_mut().enumerate() {
                     *stage = y[start + k];
                     stage.add_scaled(1.0, &combine(table.a[s], h, &slopes, k));
+                }
+                if is_result {
+                    next.copy_from_slice(stages);
                 }
             };
             ivp.rhs_of(anchor.t + table.c[s] * h, [next], &mut new, &make);
