@@ -335,12 +335,13 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let heights: Vec<_> = extents.iter().map(|axes| axes[axis]).collect();
         let ghost_ids = self.halo.plan(self.comm, &self.ids, y, (axis, &heights), reach);
         self.ids.extend(ghost_ids);
-        self.forces.seat(y, self.halo.ghosts());
-        self.halo.refresh(self.comm, y, self.forces.ghosts());
-        let keys = self.forces.bodies.iter().zip(&self.ids).map(|(body, &id)| order.key(&body.x, id));
+        let mut bodies = Vec::with_capacity(y.len() + self.halo.ghosts());
+        bodies.extend_from_slice(y);
+        bodies.resize(y.len() + self.halo.ghosts(), Motion::zero());
+        self.halo.refresh(self.comm, y, &mut bodies[y.len()..]);
+        let keys = bodies.iter().zip(&self.ids).map(|(body, &id)| order.key(&body.x, id));
         let keys: Vec<_> = keys.collect();
-        self.forces.list(&keys, reach, reach - self.forces.law.r);
-        self.forces.show(self.halo.picks());
+        self.forces.list(&bodies, y.len(), &keys, [reach, reach - self.forces.law.r], self.halo.picks());
         self.origin.clear();
         self.origin.extend(y.iter().map(|body| body.x));
         let mut speed = [fastest(y)];
@@ -378,12 +379,10 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let place = Place { make, anchors: [&self.origin, &self.start] };
         let mut waited = Duration::ZERO;
         forces.open(place, again(&mut vectors), dydt);
-        if self.halo.is_idle() {
-            forces.go_on(place, again(&mut vectors), dydt);
-        } else {
+        if !self.halo.is_idle() {
             let clock = Instant::now();
             let mut inside = Duration::ZERO;
-            self.halo.pack(forces.own());
+            self.halo.pack(|k, _| forces.sent(k));
             self.halo.exchange_during(self.comm, &mut || {
                 fail_point!("underway");
                 let clock = Instant::now();
@@ -393,8 +392,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             self.halo.deliver(forces.ghosts());
             waited = clock.elapsed().saturating_sub(inside);
         }
-        self.pair_evaluations += forces.close(place, again(&mut vectors), dydt);
-        let moved = forces.moved();
+        let (pairs, moved) = forces.close(place, again(&mut vectors), dydt);
+        self.pair_evaluations += pairs;
         self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
         if self.audits {
             self.losses = self.dissipation();
@@ -410,7 +409,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             let mut steepest = [dydt.iter().map(Linear::max_abs).fold(0.0, larger)];
             self.comm.max(&mut steepest);
             if steepest[0] == f64::INFINITY {
-                self.watch = Some(Some((t, self.forces.own().to_vec(), dydt.to_vec())));
+                self.watch = Some(Some((t, self.forces.state(), dydt.to_vec())));
             }
         }
     }

@@ -6,16 +6,18 @@ use crate::contact::{Action, Energies, Law, Rebound, Tangential};
 use crate::container::Wall;
 use crate::elementary::{Arithmetic, Separate};
 use crate::instructions::InstructionSet;
-use crate::kernel::{self, Batch, Measure, Survey};
+use crate::kernel::{self, Measure, Survey};
 use crate::neighbors::{Block, Key, Lists};
 use crate::ode::{Linear, larger};
 use crate::parallel;
 use crate::particle::{Motion, Spin, Vec3};
-use blocks::{Part, each_block};
+use blocks::each_block;
 pub use pass::Place;
+use site::{Seen, Site};
 
 mod blocks;
 mod pass;
+mod site;
 
 /// How far beyond the cut-off near pairs are picked, as a share of the radius.
 const INNER_SKIN: f64 = 0.1;
@@ -50,12 +52,6 @@ const LOAD: u64 = 4;
 
 /// A block may have this many times its fair share of the work before blocks are cut anew.
 const TOLERATED_IMBALANCE: f64 = 1.03;
-
-/// Largest squared distance of `bodies` from where they were, m^2.
-fn strayed<W: Spin>(bodies: &[Motion<W>], from: &[Vec3]) -> f64 {
-    let way = |k: usize| (bodies[k].x - from[k]).norm_squared();
-    parallel::fold(bodies.len(), parallel::GRAIN, way, 0.0, larger)
-}
 
 /// How far a contact is below the largest gap at which surfaces interact, which it holds, and its overlap, m; 0 where it
 /// is not.
@@ -92,6 +88,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Dissipated<'_, R, T> {
     }
 }
 
+/// Blocks, their bodies, and their windows.
+type Shown<'a, W> = ((&'a mut [Block], &'a mut [Site<W>]), &'a mut [Vec<Motion<W>>]);
+
 /// Bodies, lists and forces of one rank.
 pub struct Forces<R, T, W> {
     /// Contact law.
@@ -100,20 +99,20 @@ pub struct Forces<R, T, W> {
     pub setting: Setting,
     /// Who may touch whom.
     pub lists: Lists,
-    /// Number of owned particles; they come first in `bodies`.
+    /// Number of owned particles; they have the first local indices, ghosts the next.
     pub owned: usize,
-    /// State of the owned particles and the ghosts in the evaluation at hand.
-    pub bodies: Vec<Motion<W>>,
-    /// Where the bodies were when the near pairs were picked, m.
-    picked: Vec<Vec3>,
-    /// Largest squared distance of a body from there, m^2.
-    strayed: f64,
-    /// How far the bodies of the right-hand side at hand have come.
-    ways: pass::Ways,
-    /// Bounds of the blocks, from 0 to 1, as shares of the owned particles.
+    /// Bounds of the blocks.
+    bounds: Vec<usize>,
+    /// The same from 0 to 1, as shares of the owned particles.
     shares: Vec<f64>,
-    /// One for every block.
-    batches: Vec<Batch>,
+    /// The bodies of every block.
+    sites: Vec<Site<W>>,
+    /// What every block shows of itself, and at last the ghosts.
+    windows: Vec<Vec<Motion<W>>>,
+    /// Where the particles that are sent to other ranks are to be seen.
+    sent: Vec<Seen>,
+    /// Hidden particles of every block that are in place before its pairs are begun, at most.
+    ahead: usize,
     set: InstructionSet,
 }
 
@@ -125,47 +124,77 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             setting,
             lists: Lists::default(),
             owned: 0,
-            bodies: Vec::new(),
-            picked: Vec::new(),
-            strayed: 0.0,
-            ways: [0.0; 3],
+            bounds: vec![0, 0],
             shares: Vec::new(),
-            batches: Vec::new(),
+            sites: Vec::new(),
+            windows: Vec::new(),
+            sent: Vec::new(),
+            ahead: 0,
             set,
         }
     }
 
-    /// Takes the owned particles `y` and makes room for `ghosts` behind them.
-    pub fn seat(&mut self, y: &[Motion<W>], ghosts: usize) {
-        self.owned = y.len();
-        self.bodies.clear();
-        self.bodies.extend_from_slice(y);
-        self.bodies.resize(y.len() + ghosts, Motion::zero());
-    }
-
-    /// Lists pairs within `reach` (m) and walls within `wall_reach` (m) of the centres of the bodies in place; `keys`
-    /// are theirs, those of the owned ones ascending.
-    pub fn list(&mut self, keys: &[Key], reach: f64, wall_reach: f64) {
+    /// Takes `bodies`, of which the first are the `owned` ones, and lists pairs within `reach` (m) and walls within
+    /// `wall_reach` (m) of their centres; `keys` are theirs, those of the owned ones ascending. Particles with the local
+    /// indices `sent` are wanted by other ranks, in this order.
+    pub fn list(
+        &mut self,
+        bodies: &[Motion<W>],
+        owned: usize,
+        keys: &[Key],
+        [reach, wall_reach]: [f64; 2],
+        sent: impl Iterator<Item = usize> + Clone,
+    ) {
+        self.owned = owned;
         let grain = BLOCK[usize::from(!parallel::is_attended())];
-        let blocks = parallel::blocks(self.owned, grain);
+        let blocks = parallel::blocks(owned, grain);
         if self.shares.len() != blocks + 1 {
             self.shares = (0..=blocks).map(|b| b as f64 / blocks as f64).collect();
         }
-        let x: Vec<Vec3> = self.bodies.iter().map(|body| body.x).collect();
-        self.list_blocks(&x, keys, reach, wall_reach);
+        let x: Vec<Vec3> = bodies.iter().map(|body| body.x).collect();
+        let list = |forces: &mut Self| {
+            let bound = |share: &f64| (share * owned as f64).round() as usize;
+            forces.bounds = forces.shares.iter().map(bound).collect();
+            let walls = (&forces.setting.walls[..], wall_reach);
+            forces.lists.rebuild_between(&forces.bounds, &x, keys, reach, walls);
+            forces.seat(bodies, sent.clone());
+        };
+        list(self);
         if blocks > 1 && self.imbalance() > TOLERATED_IMBALANCE {
             self.share_out();
-            self.list_blocks(&x, keys, reach, wall_reach);
+            list(self);
         }
     }
 
-    fn list_blocks(&mut self, x: &[Vec3], keys: &[Key], reach: f64, wall_reach: f64) {
-        let bounds: Vec<usize> =
-            self.shares.iter().map(|share| (share * self.owned as f64).round() as usize).collect();
-        self.lists.rebuild_between(&bounds, x, keys, reach, (&self.setting.walls, wall_reach));
-        self.batches.resize_with(self.lists.blocks.len(), Batch::default);
-        self.show(std::iter::empty());
+    /// Brings all bodies to their blocks, and opens windows.
+    fn seat(&mut self, bodies: &[Motion<W>], sent: impl Iterator<Item = usize> + Clone) {
+        let Forces { lists, owned, sites, windows, .. } = self;
+        lists.hide(sent.clone());
+        let ghosts = lists.blocks.len();
+        let seen = |i: usize| match i.checked_sub(*owned) {
+            None => lists.seen(i),
+            Some(ghost) => [ghosts as u32, ghost as u32],
+        };
+        self.sent.clear();
+        self.sent.extend(sent.map(seen));
+        sites.resize_with(ghosts, Site::default);
+        windows.resize_with(ghosts + 1, Vec::new);
+        windows[ghosts].clear();
+        windows[ghosts].extend_from_slice(&bodies[*owned..]);
+        for ((block, site), window) in lists.blocks.iter().zip(sites).zip(windows) {
+            window.resize(block.range.len() - block.hidden.len(), Motion::zero());
+            site.seen.clear();
+            site.seen.extend(block.visitors.iter().map(|&i| seen(i as usize)));
+        }
+        self.each_site(&|block, site| site.seat(block, bodies));
         self.pick_near();
+    }
+
+    /// Does `work` for every block.
+    fn each_site(&mut self, work: &(impl Fn(&mut Block, &mut Site<W>) + Sync)) {
+        let own = (&mut self.lists.blocks[..], &mut self.sites[..]);
+        let work = |(blocks, sites): (&mut [Block], &mut [Site<W>]), ()| work(&mut blocks[0], &mut sites[0]);
+        each_block(&self.bounds, own, (), &work, &|(), ()| ());
     }
 
     /// The largest work of a block over the mean of all.
@@ -194,12 +223,6 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         }
     }
 
-    /// Distance of centres (m) within which pairs are evaluated until a body has moved by half of its excess over the
-    /// cut-off.
-    fn near_reach(&self) -> f64 {
-        2.0 * self.law.r + self.law.l_max + INNER_SKIN * self.law.r
-    }
-
     /// From now on evaluates contacts up to `gap` (m), which the lists must cover.
     pub fn evaluate_within(&mut self, gap: f64) {
         self.law.l_max = gap;
@@ -207,36 +230,42 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     }
 
     fn pick_near(&mut self) {
-        let (reach, bodies) = (self.near_reach(), &self.bodies);
-        let walls = (&self.setting.walls[..], self.law.r + self.law.l_max + 0.5 * INNER_SKIN * self.law.r);
-        self.picked.clear();
-        self.picked.extend(bodies.iter().map(|body| body.x));
-        parallel::each(&mut self.lists.blocks, &|block: &mut Block| block.pick_near(bodies, reach, walls));
-        self.strayed = 0.0;
+        let (law, walls) = (self.law, self.setting.walls.clone());
+        self.each_site(&|block, site| site.pick_near(block, &law, &walls));
     }
 
-    /// How far a body may move before near pairs and walls must be picked afresh, squared, m^2.
-    fn allowed(&self) -> f64 {
-        (0.5 * INNER_SKIN * self.law.r).powi(2)
-    }
-
-    /// The ghosts, behind the owned bodies.
+    /// The ghosts.
     pub fn ghosts(&mut self) -> &mut [Motion<W>] {
-        &mut self.bodies[self.owned..]
+        self.windows.last_mut().map_or(&mut [], Vec::as_mut_slice)
     }
 
     /// Moves the owned bodies to `y`; the ghosts are in place.
     pub fn put(&mut self, y: &[Motion<W>]) {
-        self.bodies[..self.owned].copy_from_slice(y);
-        self.strayed = strayed(&self.bodies, &self.picked);
-        if self.strayed > self.allowed() {
-            self.pick_near();
-        }
+        let Forces { law, setting, lists, bounds, sites, windows, .. } = self;
+        let own = ((&mut lists.blocks[..], &mut sites[..]), &mut windows[..]);
+        let put = |((blocks, sites), windows): Shown<W>, y: &[Motion<W>]| {
+            sites[0].bodies[..y.len()].copy_from_slice(y);
+            sites[0].show(&blocks[0], &mut windows[0]);
+        };
+        each_block(bounds, own, y, &put, &|(), ()| ());
+        let own = (&mut lists.blocks[..], &mut sites[..]);
+        let follow = |(blocks, sites): (&mut [Block], &mut [Site<W>]), ()| {
+            sites[0].look(&blocks[0], windows);
+            sites[0].follow(&mut blocks[0], law, &setting.walls);
+        };
+        each_block(bounds, own, (), &follow, &|(), ()| ());
+    }
+
+    /// Particle `k` of those that are sent to other ranks.
+    pub fn sent(&self, k: usize) -> &Motion<W> {
+        let [window, place] = self.sent[k];
+        &self.windows[window as usize][place as usize]
     }
 
     /// The owned bodies in place.
-    pub fn own(&self) -> &[Motion<W>] {
-        &self.bodies[..self.owned]
+    pub fn state(&self) -> Vec<Motion<W>> {
+        let own = |(block, site): (&Block, &Site<W>)| site.bodies[..block.range.len()].to_vec();
+        self.lists.blocks.iter().zip(&self.sites).flat_map(own).collect()
     }
 
     /// A wall is a motionless partner with n = -n_k.
@@ -246,9 +275,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             .then(|| self.law.action::<Separate, _>(gap, &-wall.normal, &body.v, &body.omega))
     }
 
-    /// What a pair in place does to its first particle.
-    fn pair_action(&self, [i, j]: [usize; 2]) -> Action<W> {
-        let (a, b) = (&self.bodies[i], &self.bodies[j]);
+    /// What a pair does to its first particle.
+    fn pair_action(&self, a: &Motion<W>, b: &Motion<W>) -> Action<W> {
         let apart = a.x - b.x;
         let d = apart.norm();
         let gap = d - 2.0 * self.law.r;
@@ -256,26 +284,6 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             return Action::none();
         }
         self.law.action::<Separate, _>(gap, &(apart / d), &(a.v - b.v), &a.omega.plus(&b.omega))
-    }
-
-    /// Gap of a pair, m; negative: overlap.
-    fn pair_gap(&self, [i, j]: [usize; 2]) -> f64 {
-        (self.bodies[i].x - self.bodies[j].x).norm() - 2.0 * self.law.r
-    }
-
-    /// Gap of owned particle `i` and wall `k`, m.
-    fn wall_gap(&self, [i, k]: [usize; 2]) -> f64 {
-        self.setting.walls[k].depth(&self.bodies[i].x) - self.law.r
-    }
-
-    /// Listed pairs, each with its earlier particle on this rank, so that over all ranks every pair comes once.
-    fn pairs(&self) -> impl Iterator<Item = [usize; 2]> {
-        self.lists.blocks.iter().flat_map(Block::first_pairs)
-    }
-
-    /// Owned particle and wall of every listed wall contact.
-    fn wall_contacts(&self) -> impl Iterator<Item = [usize; 2]> {
-        self.lists.blocks.iter().flat_map(Block::wall_contacts)
     }
 
     /// Largest of each of the two numbers of all contacts of the bodies in place, by magnitude; 0 without any, infinite
@@ -305,34 +313,43 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         take: impl Fn(A, [f64; 2]) -> A + Sync,
         combine: impl Fn(A, A) -> A + Sync,
     ) -> A {
-        let (r, walls, bodies, set) = (self.law.r, &self.setting.walls[..], &self.bodies[..], self.set);
-        let work = |Part { block, batch, .. }: Part<()>| {
+        let Forces { law, setting, lists, bounds, sites, set, .. } = self;
+        let work = |(blocks, sites): (&[Block], &mut [Site<W>]), ()| {
+            let Site { bodies, batch, .. } = &mut sites[0];
             let mut sum = identity;
-            let survey = Survey { r, walls, bodies, block, batch };
-            kernel::measure(set, survey, measure, |terms| sum = take(sum, terms));
+            let survey = Survey { r: law.r, walls: &setting.walls, bodies, block: &blocks[0], batch };
+            kernel::measure(*set, survey, measure, |terms| sum = take(sum, terms));
             sum
         };
-        each_block((&self.lists.blocks, &mut self.batches), (), &work, &combine)
+        each_block(bounds, (&lists.blocks[..], &mut sites[..]), (), &work, &combine)
     }
 
     /// The contacts of the bodies in place whose force is not finite.
     pub fn broken(&self) -> impl Iterator<Item = Broken> {
         let finite = |action: &Action<W>| (action.force.norm_squared() + action.torque.max_abs()).is_finite();
-        let pairs = self.pairs().filter(move |&pair| !finite(&self.pair_action(pair)));
-        let pairs = pairs.map(|[i, j]| Broken::Pair(i, j, self.pair_gap([i, j]) + 2.0 * self.law.r));
-        let walls = self.wall_contacts().filter(move |&[i, k]| {
-            let action = self.wall_action(&self.setting.walls[k], &self.bodies[i]);
-            action.is_some_and(|action| !finite(&action))
-        });
-        pairs.chain(walls.map(|[i, k]| Broken::Wall(i, k, -self.wall_gap([i, k]))))
+        self.lists.blocks.iter().zip(&self.sites).flat_map(move |(block, site)| {
+            let body = |place: u32| &site.bodies[place as usize];
+            let pairs = block.pairs.iter().filter(|[i, _]| block.owns(*i));
+            let pairs = pairs.filter(move |&&[i, j]| !finite(&self.pair_action(body(i), body(j))));
+            let pairs = pairs.map(move |&[i, j]| {
+                Broken::Pair(block.index(i), block.index(j), (body(i).x - body(j).x).norm())
+            });
+            let walls =
+                block.walls.iter().map(move |&[i, k]| (i, k as usize, &self.setting.walls[k as usize]));
+            let walls = walls.filter(move |(i, _, wall)| {
+                self.wall_action(wall, body(*i)).is_some_and(|action| !finite(&action))
+            });
+            let overlap = move |i: u32, wall: &Wall| self.law.r - wall.depth(&body(i).x);
+            pairs.chain(walls.map(move |(i, k, wall)| Broken::Wall(block.index(i), k, overlap(i, wall))))
+        })
     }
 
     /// Work that every owned particle makes in a right-hand side, in units of one of its near pairs.
     pub fn loads(&self) -> Vec<u64> {
         let mut loads = vec![LOAD; self.owned];
         for block in &self.lists.blocks {
-            for &i in block.near.iter().flatten().filter(|&&i| block.range.contains(&(i as usize))) {
-                loads[i as usize] += 1;
+            for &place in block.near.iter().flatten().filter(|&&place| block.owns(place)) {
+                loads[block.index(place)] += 1;
             }
         }
         loads
@@ -340,9 +357,10 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Memory held, bytes.
     pub fn bytes(&self) -> usize {
+        let windows = self.windows.iter().map(Vec::capacity).sum::<usize>() * size_of::<Motion<W>>();
         self.lists.bytes()
-            + self.bodies.capacity() * size_of::<Motion<W>>()
-            + self.picked.capacity() * size_of::<Vec3>()
-            + self.batches.capacity() * size_of::<Batch>()
+            + self.sites.iter().map(Site::bytes).sum::<usize>()
+            + windows
+            + self.sent.capacity() * size_of::<Seen>()
     }
 }

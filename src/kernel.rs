@@ -10,7 +10,6 @@ use crate::elementary::{Arithmetic, inverse_root};
 use crate::instructions::{InstructionSet, Lanes, Vectorised, run};
 use crate::neighbors::{BATCH, Block};
 use crate::particle::{Motion, Spin, Vec3, dot, scaled};
-use std::ops::Range;
 
 mod batch;
 
@@ -20,26 +19,25 @@ pub use batch::Batch;
 pub struct Sweep<'a, R, T, W> {
     /// Contact law.
     pub law: &'a Law<R, T>,
-    /// Whom the contacts name, from particle 0 on; of walls, from the first of `range` on.
+    /// Bodies by place: a block's own, then its visitors.
     pub bodies: &'a [Motion<W>],
-    /// The particles that have slopes here.
-    pub range: Range<usize>,
     /// Scratch.
     pub batch: &'a mut Batch,
-    /// Slopes of the `range`: forces (N) and torques (N m) are added.
+    /// Slopes of the first of these bodies: forces (N) and torques (N m) are added.
     pub slopes: &'a mut [Motion<W>],
 }
 
-/// Adds what `walls` do in the given `contacts`, particle and wall by their indices.
+/// Adds what `walls` do in the given `contacts` of place and wall, to bodies of which the first has the place `first`.
 pub fn add_walls<R: Rebound, T: Tangential, W: Spin>(
     set: InstructionSet,
+    first: usize,
     (contacts, walls): (&[[u32; 2]], &[Wall]),
     sweep: Sweep<R, T, W>,
 ) {
-    run(set, Walls(contacts, walls, sweep));
+    run(set, Walls(first, contacts, walls, sweep));
 }
 
-/// Adds what the given pairs do. Returns how many of them are within `l_max` and have their first particle in the range.
+/// Adds what the given pairs do. Returns how many of them are within `l_max` and have a slope here for their first particle.
 pub fn add_pairs<R: Rebound, T: Tangential, W: Spin>(
     set: InstructionSet,
     pairs: &[[u32; 2]],
@@ -50,9 +48,8 @@ pub fn add_pairs<R: Rebound, T: Tangential, W: Spin>(
 
 impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
     #[inline(always)]
-    fn sum_walls<L: Lanes>(self, contacts: &[[u32; 2]], walls: &[Wall]) {
-        let Sweep { law, bodies, range, batch, slopes } = self;
-        let first = range.start;
+    fn sum_walls<L: Lanes>(self, first: usize, contacts: &[[u32; 2]], walls: &[Wall]) {
+        let Sweep { law, bodies, batch, slopes } = self;
         for contacts in contacts.chunks(BATCH) {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize - first], &walls[wall as usize]);
@@ -60,8 +57,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
                 batch.gap[k] = wall.depth(&body.x) - law.r;
                 batch.put(k, &-wall.normal, &body.v, &body.omega);
             }
-            let rows = Batch::rows(contacts.len());
-            for k in 0..rows {
+            for k in 0..Batch::rows(contacts.len()) {
                 batch.evaluate::<L, R, T, W>(k, law, batch.gap[k] <= law.l_max);
             }
             for (k, &[i, _]) in contacts.iter().enumerate() {
@@ -74,7 +70,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
 
     #[inline(always)]
     fn sum_pairs<L: Lanes>(self, pairs: &[[u32; 2]]) -> u64 {
-        let Sweep { law, bodies, range, batch, slopes } = self;
+        let Sweep { law, bodies, batch, slopes } = self;
         let cutoff = 2.0 * law.r + law.l_max;
         let mut count = 0;
         for pairs in pairs.chunks(BATCH) {
@@ -94,7 +90,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
                 batch.evaluate::<L, R, T, W>(k, law, batch.near[k] != 0);
             }
             let near: u64 = batch.near[..pairs.len()].iter().sum();
-            count += near - batch.scatter::<L, W>(pairs, &range, slopes);
+            count += near - batch.scatter::<L, W>(pairs, slopes);
         }
         count
     }
@@ -121,7 +117,7 @@ pub struct Survey<'a, W> {
     pub r: f64,
     /// The walls.
     pub walls: &'a [Wall],
-    /// Owned particles, then ghosts.
+    /// Bodies by place.
     pub bodies: &'a [Motion<W>],
     /// The block's lists.
     pub block: &'a Block,
@@ -162,7 +158,7 @@ impl<W: Spin, M: Measure<W>, F: FnMut([f64; 2])> Vectorised for Measuring<'_, W,
             }
             for (k, [i, _]) in pairs.iter().enumerate() {
                 // The others are counted where their first particle is.
-                if block.range.contains(&(*i as usize)) {
+                if block.owns(*i) {
                     take([batch.n[0][k], batch.n[1][k]]);
                 }
             }
@@ -183,13 +179,14 @@ impl<W: Spin, M: Measure<W>, F: FnMut([f64; 2])> Vectorised for Measuring<'_, W,
     }
 }
 
-struct Walls<'a, R, T, W>(&'a [[u32; 2]], &'a [Wall], Sweep<'a, R, T, W>);
+struct Walls<'a, R, T, W>(usize, &'a [[u32; 2]], &'a [Wall], Sweep<'a, R, T, W>);
 
 impl<R: Rebound, T: Tangential, W: Spin> Vectorised for Walls<'_, R, T, W> {
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        self.2.sum_walls::<L>(self.0, self.1);
+        let Walls(first, contacts, walls, sweep) = self;
+        sweep.sum_walls::<L>(first, contacts, walls);
     }
 }
 

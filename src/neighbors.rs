@@ -117,39 +117,54 @@ impl Order {
 pub const BATCH: usize = 128;
 
 /// Contacts of a range of owned particles, as one thread evaluates them. A pair across ranges, like one across ranks, is
-/// listed in both.
+/// listed in both. Bodies have places in the block: its own particles first, then its visitors.
 #[derive(Debug, Default)]
 pub struct Block {
     /// The owned particles.
     pub range: Range<usize>,
-    /// Those of them between which and the ends of the range are all that other ranks see.
+    /// Places of own particles that no other block or rank sees, so that only some at both ends are seen.
     pub hidden: Range<usize>,
-    /// Local indices of pairs with a particle in `range`, each the earlier one in the order of sums first, in that
-    /// order.
+    /// Particles of other blocks, and ghosts, that are on the lists: their local indices, ascending.
+    pub visitors: Vec<u32>,
+    /// Places of pairs with a particle in `range`, each the earlier one in the order of sums first, in that order.
     pub pairs: Vec<[u32; 2]>,
     /// The pairs that may be within the cut-off before a particle has moved by half the inner skin.
     pub near: Vec<[u32; 2]>,
-    /// One more than the highest particle of the range (or its start) in every [`BATCH`] of near pairs.
+    /// One more than the highest place of an own particle in every [`BATCH`] of near pairs.
     pub horizon: Vec<u32>,
-    /// Particle and wall, by both.
+    /// Place of an own particle, and wall, by both.
     pub walls: Vec<[u32; 2]>,
     /// The walls that may be within the cut-off before a particle has moved by half the inner skin.
     pub near_walls: Vec<[u32; 2]>,
 }
 
 impl Block {
-    /// The pairs whose first particle is in the block: over all blocks of all ranks every pair once.
+    /// Local index of the body at a place.
+    pub fn index(&self, place: u32) -> usize {
+        let place = place as usize;
+        match place.checked_sub(self.range.len()) {
+            None => self.range.start + place,
+            Some(visitor) => self.visitors[visitor] as usize,
+        }
+    }
+
+    /// Whether a place is that of an own particle.
+    pub fn owns(&self, place: u32) -> bool {
+        (place as usize) < self.range.len()
+    }
+
+    /// Local indices of the pairs whose first particle is in the block: over all blocks of all ranks every pair once.
     pub fn first_pairs(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
-        let pairs = self.pairs.iter().map(|pair| pair.map(|i| i as usize));
-        pairs.filter(|[i, _]| self.range.contains(i))
+        let first = self.pairs.iter().filter(|[i, _]| self.owns(*i));
+        first.map(|pair| pair.map(|place| self.index(place)))
     }
 
-    /// Particle and wall, of every wall contact.
+    /// Local index and wall, of every wall contact.
     pub fn wall_contacts(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
-        self.walls.iter().map(|contact| contact.map(|i| i as usize))
+        self.walls.iter().map(|&[place, wall]| [self.index(place), wall as usize])
     }
 
-    /// Picks the pairs within `reach` (m) for `near`, and the walls within theirs (m) for `near_walls`.
+    /// Picks the pairs within `reach` (m) for `near`, and the walls within theirs (m) for `near_walls`; `bodies` by place.
     pub fn pick_near<W>(&mut self, bodies: &[Motion<W>], reach: f64, (walls, wall_reach): (&[Wall], f64)) {
         self.near_walls.clear();
         // What is not a number is not far: it must show.
@@ -167,15 +182,21 @@ impl Block {
         }
         self.near.truncate(kept);
         self.horizon.clear();
-        let own = self.range.start as u32..self.range.end as u32;
-        self.horizon.extend(self.near.chunks(BATCH).map(|pairs| {
-            pairs.as_flattened().iter().filter(|i| own.contains(i)).fold(own.start, |most, i| most.max(i + 1))
-        }));
+        let own = self.range.len() as u32;
+        let horizon = |pairs: &[[u32; 2]]| {
+            pairs
+                .as_flattened()
+                .iter()
+                .filter(|&&place| place < own)
+                .fold(0, |most, place| most.max(place + 1))
+        };
+        self.horizon.extend(self.near.chunks(BATCH).map(horizon));
     }
 
     fn bytes(&self) -> usize {
         let lists = [&self.pairs, &self.near, &self.walls, &self.near_walls].map(Vec::capacity);
-        lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + self.horizon.capacity() * size_of::<u32>()
+        let singles = self.horizon.capacity() + self.visitors.capacity();
+        lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + singles * size_of::<u32>()
     }
 }
 
@@ -237,6 +258,40 @@ impl Lists {
         self.blocks.iter().map(|block| block.first_pairs().count()).sum()
     }
 
+    /// Finds what every block hides, where other ranks see the owned particles `sent` (local indices).
+    pub fn hide(&mut self, sent: impl Iterator<Item = usize>) {
+        let owned = self.blocks.last().map_or(0, |block| block.range.end);
+        let visitors = self.blocks.iter().flat_map(|block| block.visitors.iter().map(|&i| i as usize));
+        let seen: Vec<usize> = visitors.filter(|&i| i < owned).chain(sent).collect();
+        for block in &mut self.blocks {
+            block.hidden = 0..block.range.len();
+        }
+        for i in seen {
+            let b = self.block_of(i);
+            let Block { range, hidden, .. } = &mut self.blocks[b];
+            let (place, from_end) = (i - range.start, range.end - i);
+            if place < from_end {
+                hidden.start = hidden.start.max(place + 1);
+            } else {
+                hidden.end = hidden.end.min(place);
+            }
+            hidden.end = hidden.end.max(hidden.start);
+        }
+    }
+
+    /// Block of an owned particle (local index), and which of those that the block does not hide it is; of no meaning for
+    /// hidden ones.
+    pub fn seen(&self, i: usize) -> [u32; 2] {
+        let b = self.block_of(i);
+        let Block { range, hidden, .. } = &self.blocks[b];
+        let place = i - range.start;
+        [b as u32, (if place < hidden.start { place } else { place.saturating_sub(hidden.len()) }) as u32]
+    }
+
+    fn block_of(&self, i: usize) -> usize {
+        self.blocks.partition_point(|block| block.range.end <= i)
+    }
+
     /// Memory held, bytes.
     pub fn bytes(&self) -> usize {
         self.blocks.iter().map(Block::bytes).sum()
@@ -273,17 +328,37 @@ impl Block {
             self.pairs.push(pair);
         }
         self.pairs.extend(foreign);
+        self.pairs.shrink_to(self.pairs.len() + self.pairs.len() / 8);
+        self.seat(order);
+    }
+
+    /// Makes places in the block of the places in the order of sums that the pairs have, where `order` says who stands
+    /// there.
+    fn seat(&mut self, order: &[u32]) {
+        let (range, visitors) = (&self.range, &mut self.visitors);
+        visitors.clear();
         for pair in &mut self.pairs {
             *pair = pair.map(|place| order[place as usize]);
+            visitors.extend(pair.iter().copied().filter(|&i| !range.contains(&(i as usize))));
         }
-        self.pairs.shrink_to(self.pairs.len() + self.pairs.len() / 8);
+        visitors.sort_unstable();
+        visitors.dedup();
+        visitors.shrink_to_fit();
+        for place in self.pairs.as_flattened_mut() {
+            let i = *place as usize;
+            *place = if range.contains(&i) {
+                (i - range.start) as u32
+            } else {
+                (range.len() + visitors.partition_point(|visitor| visitor < place)) as u32
+            };
+        }
     }
 
     fn list_walls(&mut self, x: &[Vec3], (walls, reach): (&[Wall], f64)) {
         self.walls.clear();
         for i in self.range.clone() {
             let near = walls.iter().enumerate().filter(|(_, wall)| wall.depth(&x[i]) <= reach);
-            self.walls.extend(near.map(|(k, _)| [i as u32, k as u32]));
+            self.walls.extend(near.map(|(k, _)| [(i - self.range.start) as u32, k as u32]));
         }
     }
 }
@@ -316,11 +391,11 @@ mod tests {
         let mut set = BTreeSet::new();
         for block in &lists.blocks {
             let pairs: Vec<[Key; 2]> =
-                block.pairs.iter().map(|pair| pair.map(|i| keys[i as usize])).collect();
+                block.pairs.iter().map(|pair| pair.map(|place| keys[block.index(place)])).collect();
             assert!(pairs.iter().all(|[a, b]| a < b));
             assert!(pairs.windows(2).all(|w| w[0] < w[1]), "pairs are in the order of sums, each once");
-            assert!(block.pairs.iter().flatten().all(|&i| (i as usize) < x.len()));
-            assert!(block.pairs.iter().all(|pair| pair.iter().any(|&i| block.range.contains(&(i as usize)))));
+            assert!(block.visitors.iter().all(|&i| !block.range.contains(&(i as usize))));
+            assert!(block.pairs.iter().all(|pair| pair.iter().any(|&place| block.owns(place))));
             set.extend(pairs.iter().map(|pair| pair.map(|(_, id)| id)));
         }
         (lists, set)
@@ -377,8 +452,9 @@ mod tests {
                 let partners: Vec<Key> = block
                     .pairs
                     .iter()
-                    .filter(|pair| pair.contains(&(i as u32)))
-                    .map(|&[a, b]| keys[if a as usize == i { b } else { a } as usize])
+                    .map(|pair| pair.map(|place| block.index(place)))
+                    .filter(|pair| pair.contains(&i))
+                    .map(|[a, b]| keys[if a == i { b } else { a }])
                     .collect();
                 assert!(partners.windows(2).all(|w| w[0] < w[1]));
                 assert_eq!(partners.len(), set.iter().filter(|pair| pair.contains(&keys[i].1)).count());
@@ -391,10 +467,12 @@ mod tests {
         let (x, keys) = keyed(150, 100, [1.0, 1.0, 0.5], 5);
         let (mut lists, _) = listed(&x, &keys, 100, 0.3, 2);
         let body = |x: &Vec3| Motion { x: *x, v: Vec3::zeros(), omega: Locked };
-        let bodies: Vec<_> = x.iter().map(body).collect();
         for block in &mut lists.blocks {
+            let places = 0..(block.range.len() + block.visitors.len()) as u32;
+            let bodies: Vec<_> = places.map(|place| body(&x[block.index(place)])).collect();
             block.pick_near(&bodies, 0.25, (&[], 0.0));
-            let within = |[i, j]: &[u32; 2]| (x[*i as usize] - x[*j as usize]).norm() <= 0.25;
+            let at = |place: &u32| bodies[*place as usize].x;
+            let within = |[i, j]: &[u32; 2]| (at(i) - at(j)).norm() <= 0.25;
             let expected: Vec<_> = block.pairs.iter().copied().filter(within).collect();
             assert!(expected.len() > 10 && expected.len() < block.pairs.len());
             assert_eq!(block.near, expected);

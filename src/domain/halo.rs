@@ -72,8 +72,8 @@ impl Halo {
         self.ghosts
     }
 
-    /// Owned particles that are ghosts elsewhere, some of them more than once.
-    pub fn picks(&self) -> impl Iterator<Item = usize> {
+    /// Owned particles that are ghosts elsewhere, in the order of their parcels, some of them more than once.
+    pub fn picks(&self) -> impl ExactSizeIterator<Item = usize> + Clone {
         self.picks.iter().map(|&i| i as usize)
     }
 
@@ -117,12 +117,12 @@ impl Halo {
         self.outgoing.ranks.is_empty() && self.incoming.ranks.is_empty()
     }
 
-    /// Makes parcels of those of `y` that are ghosts elsewhere.
-    pub fn pack<W: Spin>(&mut self, y: &[Motion<W>]) {
+    /// Makes parcels of the particles that are ghosts elsewhere: `picked(k, i)` is pick `k`, owned particle `i`.
+    pub fn pack<'y, W: Spin>(&mut self, picked: impl Fn(usize, usize) -> &'y Motion<W> + Sync) {
         let rows = Rows { numbers: &mut self.outgoing.data, width: Motion::<W>::COMPONENTS };
-        let pack = |_, (rows, picks): (Rows, &[u32])| {
-            for (slots, &i) in rows.numbers.chunks_exact_mut(rows.width).zip(picks) {
-                y[i as usize].pack(slots);
+        let pack = |first: usize, (rows, picks): (Rows, &[u32])| {
+            for (k, (slots, &i)) in rows.numbers.chunks_exact_mut(rows.width).zip(picks).enumerate() {
+                picked(first + k, i as usize).pack(slots);
             }
         };
         parallel::parts(self.picks.len(), GRAIN, (rows, &self.picks[..]), &pack, &|(), ()| ());
@@ -145,7 +145,7 @@ impl Halo {
 
     /// Brings the ghosts up to date with their owners' `y`. Collective for ranks that are partners.
     pub fn refresh<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], ghosts: &mut [Motion<W>]) {
-        self.pack(y);
+        self.pack(|_, i| &y[i]);
         self.exchange_during(comm, &mut || ());
         self.deliver(ghosts);
     }

@@ -4,7 +4,6 @@ use super::{BATCH, Measure};
 use crate::contact::{Action, Law, Rebound, Tangential};
 use crate::instructions::Lanes;
 use crate::particle::{Motion, Spin, Vec3};
-use std::ops::Range;
 
 /// Columns are evaluated in multiples of this.
 const STRIDE: usize = 8;
@@ -149,28 +148,23 @@ impl Batch {
         }
     }
 
-    /// Adds forces and torques of the pairs to the slopes of particles of the `range`, and returns how many pairs are near
-    /// although their first particle is not there. Partners elsewhere are the matter of their own block or rank.
+    /// Adds forces and torques of the pairs to the slopes, and returns how many pairs are near although their first particle
+    /// has none here. Visitors are the matter of their own block or rank.
     #[inline(always)]
-    pub fn scatter<L: Lanes, W: Spin>(
-        &self,
-        pairs: &[[u32; 2]],
-        range: &Range<usize>,
-        slopes: &mut [Motion<W>],
-    ) -> u64 {
+    pub fn scatter<L: Lanes, W: Spin>(&self, pairs: &[[u32; 2]], slopes: &mut [Motion<W>]) -> u64 {
         let mut elsewhere = 0;
         let (fours, rest) = pairs.as_chunks::<4>();
         for (quad, pairs) in fours.iter().enumerate() {
             let (heads, tails) = self.actions::<L, W>(4 * quad);
             for p in 0..4 {
-                elsewhere += self.add::<L, W>(4 * quad + p, pairs[p], (heads[p], tails[p]), range, slopes);
+                elsewhere += self.add::<L, W>(4 * quad + p, pairs[p], (heads[p], tails[p]), slopes);
             }
         }
         if !rest.is_empty() {
             let first = 4 * fours.len();
             let (heads, tails) = self.actions::<L, W>(first);
             for (p, &pair) in rest.iter().enumerate() {
-                elsewhere += self.add::<L, W>(first + p, pair, (heads[p], tails[p]), range, slopes);
+                elsewhere += self.add::<L, W>(first + p, pair, (heads[p], tails[p]), slopes);
             }
         }
         elsewhere
@@ -190,25 +184,24 @@ impl Batch {
         (L::transpose([force[0], force[1], force[2], x]), L::transpose([y, z, zeros, zeros]))
     }
 
-    /// Adds an action to both slopes of a pair, where they are in the `range`. Returns 1 if the first is not and the pair, at
-    /// `k`, is near.
+    /// Adds an action to both slopes of a pair, where they are here. Returns 1 if the first is not and the pair, at `k`, is
+    /// near.
     #[inline(always)]
     fn add<L: Lanes, W: Spin>(
         &self,
         k: usize,
         [i, j]: [u32; 2],
         (head, tail): (L::Row, L::Row),
-        range: &Range<usize>,
         slopes: &mut [Motion<W>],
     ) -> u64 {
         let mut elsewhere = 0;
-        if let Some(slope) = slopes.get_mut((i as usize).wrapping_sub(range.start)) {
+        if let Some(slope) = slopes.get_mut(i as usize) {
             let sum = L::plus(slopes_head::<L, W>(slope), head);
             replace::<L, W>(slope, sum, tail);
         } else {
             elsewhere = self.near[k];
         }
-        if let Some(slope) = slopes.get_mut((j as usize).wrapping_sub(range.start)) {
+        if let Some(slope) = slopes.get_mut(j as usize) {
             let signs = L::row([-1.0, -1.0, -1.0, 1.0]);
             let sum = L::add_products(signs, head, slopes_head::<L, W>(slope));
             replace::<L, W>(slope, sum, tail);

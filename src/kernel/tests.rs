@@ -39,8 +39,16 @@ fn cloud<W: Spin>(n: usize, blocks: usize) -> (Vec<Motion<W>>, Lists) {
     let x: Vec<Vec3> = bodies.iter().map(|body| body.x).collect();
     let mut lists = Lists::default();
     lists.rebuild(&x, &keys, n, 0.36, (&setting().walls, 0.26), blocks);
-    lists.blocks.iter_mut().for_each(|block| block.pick_near(&bodies, 0.31, (&setting().walls, 0.2)));
+    for block in &mut lists.blocks {
+        block.pick_near(&seated(block, &bodies), 0.31, (&setting().walls, 0.2));
+    }
     (bodies, lists)
+}
+
+/// The bodies of a block by place.
+fn seated<W: Spin>(block: &Block, bodies: &[Motion<W>]) -> Vec<Motion<W>> {
+    let places = 0..(block.range.len() + block.visitors.len()) as u32;
+    places.map(|place| bodies[block.index(place)]).collect()
 }
 
 fn slopes<R: Rebound, T: Tangential, W: Spin>(
@@ -54,14 +62,13 @@ fn slopes<R: Rebound, T: Tangential, W: Spin>(
     let mut count = 0;
     for block in &lists.blocks {
         let (mut batch, mut other) = (Batch::default(), Batch::default());
-        let (own, slopes) = (&bodies[block.range.clone()], &mut slopes[block.range.clone()]);
-        for (slope, body) in slopes.iter_mut().zip(own) {
+        let (bodies, slopes) = (&seated(block, bodies), &mut slopes[block.range.clone()]);
+        for (slope, body) in slopes.iter_mut().zip(bodies) {
             *slope = Motion { x: body.v, ..Motion::zero() };
         }
-        let range = || block.range.clone();
-        let walls = Sweep { law, bodies: own, range: range(), batch: &mut batch, slopes: &mut *slopes };
-        add_walls(set, (&block.walls, &setting.walls), walls);
-        let pairs = Sweep { law, bodies, range: range(), batch: &mut other, slopes: &mut *slopes };
+        let walls = Sweep { law, bodies, batch: &mut batch, slopes: &mut *slopes };
+        add_walls(set, 0, (&block.walls, &setting.walls), walls);
+        let pairs = Sweep { law, bodies, batch: &mut other, slopes: &mut *slopes };
         count += add_pairs(set, &block.near, pairs);
         for slope in slopes {
             slope.v = slope.v / setting.mass + setting.gravity;
@@ -143,7 +150,7 @@ fn measured<W: Spin>(
     let (mut sums, mut maxima) = ([0; 2], [0.0; 2]);
     for block in &lists.blocks {
         let batch = &mut Batch::default();
-        let survey = Survey { r: 0.1, walls, bodies: &bodies, block, batch };
+        let survey = Survey { r: 0.1, walls, bodies: &seated(block, &bodies), block, batch };
         measure(set, survey, numbers, |terms| {
             for k in 0..2 {
                 sums[k] += (terms[k] * 2f64.powi(40)).round() as i128;

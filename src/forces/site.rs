@@ -1,0 +1,113 @@
+//! The bodies of one block: its own particles and its visitors. Blocks share nothing but windows, in which each shows what others
+//! see of it, so every thread may put its particles into place when it likes.
+
+use super::INNER_SKIN;
+use crate::contact::Law;
+use crate::container::Wall;
+use crate::kernel::Batch;
+use crate::neighbors::Block;
+use crate::ode::larger;
+use crate::particle::{Motion, Spin, Vec3};
+
+/// Where a body is to be seen: the window, and the place in it.
+pub type Seen = [u32; 2];
+
+/// Largest squared distances of own bodies from the two anchors of a right-hand side, and of all from where near pairs were
+/// picked, m^2.
+pub type Ways = [f64; 3];
+
+/// The larger of each.
+pub fn furthest(a: Ways, b: Ways) -> Ways {
+    std::array::from_fn(|k| larger(a[k], b[k]))
+}
+
+/// Bodies of a block, and what its thread needs besides.
+pub struct Site<W> {
+    /// By place: in the evaluation at hand, as far as they are in place.
+    pub bodies: Vec<Motion<W>>,
+    /// Where they were when the near pairs were picked, m.
+    pub picked: Vec<Vec3>,
+    /// Where the visitors are to be seen.
+    pub seen: Vec<Seen>,
+    /// How far bodies have moved in the right-hand side at hand.
+    pub ways: Ways,
+    /// Scratch.
+    pub batch: Batch,
+}
+
+impl<W> Default for Site<W> {
+    fn default() -> Self {
+        Site {
+            bodies: Vec::new(),
+            picked: Vec::new(),
+            seen: Vec::new(),
+            ways: [0.0; 3],
+            batch: Batch::default(),
+        }
+    }
+}
+
+/// How far a body may move before near pairs and walls must be picked afresh, squared, m^2; spheres have the radius `r` (m).
+pub fn allowed(r: f64) -> f64 {
+    (0.5 * INNER_SKIN * r).powi(2)
+}
+
+impl<W: Spin> Site<W> {
+    /// Takes the bodies of a block out of all `bodies` of the rank, by local index.
+    pub fn seat(&mut self, block: &Block, bodies: &[Motion<W>]) {
+        let visitors = block.visitors.iter().map(|&i| bodies[i as usize]);
+        let count = block.range.len() + block.visitors.len();
+        // Particles that arrive one by one must not double the memory.
+        if count > self.bodies.capacity() {
+            self.bodies = Vec::with_capacity(count + count / 16);
+            self.picked = Vec::with_capacity(count + count / 16);
+        }
+        self.bodies.clear();
+        self.bodies.extend_from_slice(&bodies[block.range.clone()]);
+        self.bodies.extend(visitors);
+    }
+
+    /// Shows in the `window` what others see of the block.
+    pub fn show(&self, block: &Block, window: &mut [Motion<W>]) {
+        let (front, back) = window.split_at_mut(block.hidden.start);
+        front.copy_from_slice(&self.bodies[..block.hidden.start]);
+        back.copy_from_slice(&self.bodies[block.hidden.end..block.range.len()]);
+    }
+
+    /// Brings the visitors into place.
+    pub fn look(&mut self, block: &Block, windows: &[Vec<Motion<W>>]) {
+        let first = block.range.len();
+        let picked = &self.picked[first..];
+        for ((visitor, &[window, k]), picked) in self.bodies[first..].iter_mut().zip(&self.seen).zip(picked) {
+            *visitor = windows[window as usize][k as usize];
+            self.ways[2] = larger(self.ways[2], (visitor.x - picked).norm_squared());
+        }
+    }
+
+    /// Picks near pairs and walls of the bodies in place.
+    pub fn pick_near<R, T>(&mut self, block: &mut Block, law: &Law<R, T>, walls: &[Wall]) {
+        let skin = INNER_SKIN * law.r;
+        let (reach, wall_reach) = (2.0 * law.r + law.l_max + skin, law.r + law.l_max + 0.5 * skin);
+        self.picked.clear();
+        self.picked.extend(self.bodies.iter().map(|body| body.x));
+        block.pick_near(&self.bodies, reach, (walls, wall_reach));
+        self.ways[2] = 0.0;
+    }
+
+    /// Picks them afresh if a body in place has strayed too far from where they were picked.
+    pub fn follow<R, T>(&mut self, block: &mut Block, law: &Law<R, T>, walls: &[Wall]) {
+        let ways =
+            self.bodies.iter().zip(&self.picked).map(|(body, picked)| (body.x - picked).norm_squared());
+        if ways.fold(0.0, larger) > allowed(law.r) {
+            self.pick_near(block, law, walls);
+        }
+    }
+
+    /// Memory held, bytes.
+    pub fn bytes(&self) -> usize {
+        self.bodies.capacity() * size_of::<Motion<W>>()
+            + self.picked.capacity() * size_of::<Vec3>()
+            + self.seen.capacity() * size_of::<Seen>()
+            + size_of::<Batch>()
+    }
+}
