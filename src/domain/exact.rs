@@ -21,10 +21,13 @@ impl Scale {
         Scale { up: parts.map(|part| 2f64.powi(part)), down: parts.map(|part| 2f64.powi(-part)) }
     }
 
-    /// The integer next to a term.
+    /// The integer next to a term, away from zero where two are: `f64::round`, without a call of the C library.
     #[inline(always)]
     pub fn integer(&self, term: f64) -> i64 {
-        (term * self.up[0] * self.up[1]).round() as i64
+        let x = term * self.up[0] * self.up[1];
+        let whole = x as i64;
+        let rest = x - whole as f64;
+        whole + i64::from(rest >= 0.5) - i64::from(rest <= -0.5)
     }
 }
 
@@ -77,6 +80,28 @@ mod tests {
         assert_eq!(forward, exact_sum(&Solo, terms.len(), |i| terms[i]));
         let plain: f64 = terms.iter().sum();
         assert!((forward - plain).abs() <= 1e-12 * plain.abs());
+    }
+
+    #[test]
+    fn integers_are_those_that_rounding_gives() {
+        let scale = Scale::of(1.5);
+        let unit = 2f64.powi(-59);
+        for k in [
+            0.0,
+            0.49,
+            0.5,
+            1.5,
+            2.5,
+            2.51,
+            1e6 + 0.5,
+            2f64.powi(40) + 0.5,
+            2f64.powi(52) + 1.0,
+            2f64.powi(59),
+        ] {
+            for x in [k, -k] {
+                assert_eq!(scale.integer(x * unit), x.round() as i64, "{x}");
+            }
+        }
     }
 
     #[test]

@@ -78,13 +78,21 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
             (place.make)(own.start, items, bodies, slopes);
             let [origin, start] = place.anchors.map(|anchor| &anchor[own.clone()]);
             let from = origin.iter().zip(start).zip(picked);
-            let mut far = [0.0; 3];
+            let (mut far, mut sum) = ([0.0; 3], 0.0);
             for ((body, slope), ((origin, start), picked)) in bodies.iter().zip(&mut *slopes).zip(from) {
-                for (far, from) in far.iter_mut().zip([origin, start, picked]) {
+                let ways = [origin, start, picked].map(|from| {
                     let way = minus(&body.x, from);
-                    *far = larger(*far, dot::<Separate>(&way, &way));
+                    dot::<Separate>(&way, &way)
+                });
+                for (far, way) in far.iter_mut().zip(ways) {
+                    *far = if way > *far { way } else { *far };
                 }
+                sum += ways[0];
                 clear(slope, body);
+            }
+            // A body that is nowhere is far from everything, but not larger.
+            if sum.is_nan() {
+                far = [f64::INFINITY; 3];
             }
             site.ways = furthest(site.ways, far);
             self.add_walls(far[2] <= allowed, (block, site), chunk.clone(), slopes);
