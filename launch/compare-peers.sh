@@ -115,7 +115,8 @@ race() {
 
 versions="$("$demhybrid" --version | sed -n 1p)"
 [ -z "$lammps" ] || versions+="; $({ "$lammps" -h || true; } | sed -n 's/^Large-scale.*Simulator - /LAMMPS /p')"
-[ -z "$liggghts" ] || versions+="; $({ "$liggghts" -h || true; } 2>&1 | sed -n 's/.*(Version LIGGGHTS-PUBLIC \([^,]*\),.*/LIGGGHTS \1/p')"
+# It leaves a log in the folder where it runs.
+[ -z "$liggghts" ] || versions+="; $(cd "$work" && { "$liggghts" -h || true; } 2>&1 | sed -n 's/.*(Version LIGGGHTS-PUBLIC \([^,]*\),.*/LIGGGHTS \1/p')"
 echo "one core of $(processor); $versions; load $(load)"
 echo "part,particles,program,turn,wall_s,user_s,evaluations,load" >"$out/compare-peers-runs.csv"
 echo "part,particles,program,repeats,wall_s,user_s,evaluations,particle_evaluations_per_s,ours_to_theirs,remark,load_before,load_after,versions" \

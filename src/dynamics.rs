@@ -5,9 +5,8 @@ use crate::domain::halo::{Extent, Halo};
 use crate::domain::migration::{self, Census};
 use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
-use crate::elementary::Separate;
 use crate::error::Error;
-use crate::forces::{Broken, Depth, Dissipated, Forces, Place, Setting, Stored};
+use crate::forces::{Broken, Forces, Place, Setting};
 use crate::instructions::InstructionSet;
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
@@ -17,6 +16,8 @@ use crate::wish::Wish;
 use fail::fail_point;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
+
+mod energy;
 
 /// The furthest that a step may move a particle, as a share of its radius. Twice that, from both sides of a contact,
 /// is far less than the way through a sphere, so no collision is stepped over at any tolerance.
@@ -450,69 +451,6 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let top = all.iter().fold(f64::NEG_INFINITY, |top, own| top.max(own[0]));
         all.iter().filter(|own| own[0] == top).fold(f64::INFINITY, |id, own| id.min(own[1])) as u64
     }
-
-    /// Kinetic energy of all particles at `y`, J. Collective.
-    pub fn kinetic_energy(&self, y: &[Motion<W>]) -> f64 {
-        let Setting { mass, inverse_inertia, .. } = self.forces.setting;
-        // An infinite inertia (1/I = 0) holds no energy at w = 0, the only spin that it allows.
-        let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
-        let energy = |body: &Motion<W>| {
-            0.5 * mass * body.v.norm_squared() + 0.5 * inertia * body.omega.vector().norm_squared()
-        };
-        exact::exact_sum(self.comm, y.len(), |i| energy(&y[i]))
-    }
-
-    /// Potential energy (J) of all contacts and heights at `y`: rho(0) times the stored energy, so that H of
-    /// docs/design.md never grows; and the largest overlap (m). Collective.
-    pub fn potential_energy(&mut self, y: &[Motion<W>]) -> (f64, f64) {
-        self.place(y);
-        let Setting { mass, gravity, .. } = self.forces.setting;
-        let height = |i: usize| -mass * gravity.dot(&y[i].x);
-        let (law, forces) = (self.forces.law, &mut self.forces);
-        let mut depths = forces.largest(&Depth(law.l_max));
-        self.comm.max(&mut depths);
-        let [depth, overlap] = depths;
-        // The closest contact stores most: all ranks work out the same number.
-        let most = law.energies().stored::<Separate>(law.l_max - depth);
-        let highest = exact::largest(y.len(), height);
-        let [energy] = exact::exact_sums(self.comm, [larger(most, highest)], |[scale]| {
-            let [stored, _] = forces.total(&Stored(law.energies()), |terms| [scale.integer(terms[0]), 0]);
-            [stored + exact::total(y.len(), height, scale)]
-        });
-        (energy, overlap)
-    }
-
-    /// The sum of the net forces on all particles, whose accelerations are in `slope`, over the sum of the forces of all
-    /// contacts, each counted once and as if it were at rest (rho(0) F), and of all weights: 0 in perfect balance, 1 in free
-    /// fall; NaN where there is no force at all. Collective.
-    pub fn unbalanced_force(&mut self, y: &[Motion<W>], slope: &[Motion<W>]) -> f64 {
-        let Setting { mass, gravity, .. } = self.forces.setting;
-        let net = exact::exact_sum(self.comm, slope.len(), |i| mass * slope[i].v.norm());
-        let height = exact::exact_sum(self.comm, y.len(), |i| -mass * gravity.dot(&y[i].x));
-        // A contact at rest pushes with kappa times what it stores, but for the cut at l_max.
-        let stored = self.potential_energy(y).0 - height;
-        let weights = mass * gravity.norm() * self.count() as f64;
-        net / (self.forces.law.kappa * stored.max(0.0) + weights)
-    }
-
-    /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.
-    /// Collective.
-    fn dissipation(&mut self) -> Losses {
-        let (law, forces) = (self.forces.law, &mut self.forces);
-        let dissipated = Dissipated(law.energies());
-        exact::exact_sums(self.comm, forces.largest(&dissipated), |scales| {
-            forces.total(&dissipated, |power| [0, 1].map(|k| scales[k].integer(power[k])))
-        })
-    }
-
-    /// Height of the highest point of any sphere against gravity (along z without gravity), from the origin, m.
-    /// Collective.
-    pub fn bed_height(&self, y: &[Motion<W>]) -> f64 {
-        let up = (-self.forces.setting.gravity).try_normalize(0.0).unwrap_or(Vec3::z());
-        let mut top = [y.iter().map(|body| up.dot(&body.x)).fold(f64::NEG_INFINITY, f64::max)];
-        self.comm.max(&mut top);
-        top[0] + self.forces.law.r
-    }
 }
 
 /// How far the particles of all ranks extend along each axis, m; negative where there are none. Collective.
@@ -590,21 +528,23 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         length
     }
 
-    fn any_direction(&mut self, round: u64, v: &mut Vec<Motion<W>>) {
+    fn add_direction(&mut self, round: u64, share: f64, v: &mut [Motion<W>]) {
         let size = 1.0 / (self.forces.setting.mass * self.count() as f64).sqrt();
-        let r = self.forces.law.r;
-        v.clear();
-        v.extend(self.ids[..self.forces.owned].iter().map(|&id| {
-            let mut bits = migration::scramble(id ^ migration::scramble(round));
-            let mut vector = |size: f64| {
-                Vec3::from_fn(|_, _| {
-                    bits = migration::scramble(bits);
-                    // 53 bits of a fraction in -1..1.
-                    size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0)
-                })
-            };
-            Motion { x: Vec3::zeros(), v: vector(size), omega: W::from_vector(vector(size / r)) }
-        }));
+        let (r, ids) = (self.forces.law.r, &self.ids[..self.forces.owned]);
+        parallel::for_chunks(v, parallel::GRAIN, |first, chunk| {
+            for (body, &id) in chunk.iter_mut().zip(&ids[first..]) {
+                let mut bits = migration::scramble(id ^ migration::scramble(round));
+                let mut vector = |size: f64| {
+                    Vec3::from_fn(|_, _| {
+                        bits = migration::scramble(bits);
+                        // 53 bits of a fraction in -1..1.
+                        size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0)
+                    })
+                };
+                let (v, spin) = (vector(size), W::from_vector(vector(size / r)));
+                body.add_scaled(share, &Motion { x: Vec3::zeros(), v, omega: spin });
+            }
+        });
     }
 
     /// 1.5e-8 of a particle at the speed of `velocity_scale`: half of the digits.

@@ -23,7 +23,7 @@ mod site;
 const INNER_SKIN: f64 = 0.1;
 
 /// Particles below which a block of its own is not worth a thread that looks out for work, and one that must be woken.
-const BLOCK: [usize; 2] = [64, 512];
+const BLOCK: [usize; 2] = [128, 512];
 
 /// What the equations of motion need besides the contact law.
 #[derive(Debug, Clone)]
@@ -88,8 +88,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Dissipated<'_, R, T> {
     }
 }
 
-/// Blocks, their bodies, and their windows.
-type Shown<'a, W> = ((&'a mut [Block], &'a mut [Site<W>]), &'a mut [Vec<Motion<W>>]);
+/// Blocks and their bodies.
+type Seat<'a, W> = (&'a mut [Block], &'a mut [Site<W>]);
+
+/// The same with their windows.
+type Windowed<'a, W> = (Seat<'a, W>, &'a mut [Vec<Motion<W>>]);
 
 /// Bodies, lists and forces of one rank.
 pub struct Forces<R, T, W> {
@@ -186,15 +189,12 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             site.seen.clear();
             site.seen.extend(block.visitors.iter().map(|&i| seen(i as usize)));
         }
-        self.each_site(&|block, site| site.seat(block, bodies));
-        self.pick_near();
-    }
-
-    /// Does `work` for every block.
-    fn each_site(&mut self, work: &(impl Fn(&mut Block, &mut Site<W>) + Sync)) {
-        let own = (&mut self.lists.blocks[..], &mut self.sites[..]);
-        let work = |(blocks, sites): (&mut [Block], &mut [Site<W>]), ()| work(&mut blocks[0], &mut sites[0]);
-        each_block(&self.bounds, own, (), &work, &|(), ()| ());
+        let Forces { law, setting, lists, bounds, sites, .. } = self;
+        let seat = |(blocks, sites): Seat<W>, ()| {
+            sites[0].seat(&blocks[0], bodies);
+            sites[0].pick_near(&mut blocks[0], law, &setting.walls);
+        };
+        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &seat, &|(), ()| ());
     }
 
     /// The largest work of a block over the mean of all.
@@ -226,12 +226,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// From now on evaluates contacts up to `gap` (m), which the lists must cover.
     pub fn evaluate_within(&mut self, gap: f64) {
         self.law.l_max = gap;
-        self.pick_near();
-    }
-
-    fn pick_near(&mut self) {
-        let (law, walls) = (self.law, self.setting.walls.clone());
-        self.each_site(&|block, site| site.pick_near(block, &law, &walls));
+        let Forces { law, setting, lists, bounds, sites, .. } = self;
+        let pick = |(blocks, sites): Seat<W>, ()| sites[0].pick_near(&mut blocks[0], law, &setting.walls);
+        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &pick, &|(), ()| ());
     }
 
     /// The ghosts.
@@ -243,17 +240,16 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     pub fn put(&mut self, y: &[Motion<W>]) {
         let Forces { law, setting, lists, bounds, sites, windows, .. } = self;
         let own = ((&mut lists.blocks[..], &mut sites[..]), &mut windows[..]);
-        let put = |((blocks, sites), windows): Shown<W>, y: &[Motion<W>]| {
+        let put = |((blocks, sites), windows): Windowed<W>, y: &[Motion<W>]| {
             sites[0].bodies[..y.len()].copy_from_slice(y);
             sites[0].show(&blocks[0], &mut windows[0]);
         };
         each_block(bounds, own, y, &put, &|(), ()| ());
-        let own = (&mut lists.blocks[..], &mut sites[..]);
-        let follow = |(blocks, sites): (&mut [Block], &mut [Site<W>]), ()| {
+        let follow = |(blocks, sites): Seat<W>, ()| {
             sites[0].look(&blocks[0], windows);
             sites[0].follow(&mut blocks[0], law, &setting.walls);
         };
-        each_block(bounds, own, (), &follow, &|(), ()| ());
+        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &follow, &|(), ()| ());
     }
 
     /// Particle `k` of those that are sent to other ranks.

@@ -197,6 +197,8 @@ fn after_a_move(comm: &dyn Comm, bodies: &[Body], way: &dyn Fn(u64) -> f64) -> (
     let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
     let mut dynamics = Dynamics::new(comm, law(), floor(), 1.0, own.collect(), &mut y, &mut []).unwrap();
     assert_eq!(dynamics.forces.lists.blocks.len(), rayon::current_num_threads());
+    // Slabs lie across the length of the bed.
+    assert!(comm.size() == 1 || dynamics.slabs.axis() == 0);
     for (body, &id) in y.iter_mut().zip(dynamics.ids()) {
         body.x.y += way(id);
     }

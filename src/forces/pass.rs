@@ -5,7 +5,7 @@
 //! this changes the order in which a particle sums.
 
 use super::site::{Site, allowed, furthest};
-use super::{Forces, Setting, Shown, each_block};
+use super::{Forces, Seat, Setting, Windowed, each_block};
 use crate::contact::{Law, Rebound, Tangential};
 use crate::elementary::Separate;
 use crate::instructions::InstructionSet;
@@ -50,9 +50,6 @@ struct Field<'a, R, T> {
     setting: &'a Setting,
     set: InstructionSet,
 }
-
-/// A block and its bodies.
-type Seat<'a, W> = (&'a mut [Block], &'a mut [Site<W>]);
 
 /// What belongs to consecutive particles: slopes, and the items of a `Place`.
 type Rows<'a, W, C> = (&'a mut [Motion<W>], C);
@@ -201,7 +198,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             return;
         }
         let field = Field { law, setting, set: *set };
-        let work = |((blocks, sites), windows): Shown<W>, rows: Rows<W, C>| {
+        let work = |((blocks, sites), windows): Windowed<W>, rows: Rows<W, C>| {
             let (block, site) = (&blocks[0], &mut sites[0]);
             let Range { start, end } = block.hidden;
             let (front, rows) = rows.cut(start);

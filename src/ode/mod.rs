@@ -93,8 +93,9 @@ pub trait Ivp {
     /// Length of a vector of the state space over all ranks, in a norm in which the stiff part of f is close to
     /// symmetric; velocities dominate it. Collective.
     fn length(&mut self, v: &[Self::State]) -> f64;
-    /// A vector of about length 1 with a bit of every direction, a function of the particles' ids and of `round` alone.
-    fn any_direction(&mut self, round: u64, v: &mut Vec<Self::State>);
+    /// Adds `share` times a vector of about length 1 with a bit of every direction to `v`: it is a function of the particles'
+    /// ids and of `round` alone.
+    fn add_direction(&mut self, round: u64, share: f64, v: &mut [Self::State]);
     /// A length (in the norm of `length`) over which f is close to linear, and yet well above round-off.
     fn small_length(&self) -> f64;
 }

@@ -58,11 +58,10 @@ impl SpectralRadius {
             return 0;
         }
         self.served = 1;
-        fit(&mut trial.next, anchor.y.len());
         fit(&mut trial.slope, anchor.y.len());
         // Without stiffness before, as in free flight, there is no direction to go on with.
         let careful = self.doubted || self.stretch == 0.0;
-        self.mix(ivp, &mut anchor.direction, &mut trial.next);
+        self.mix(ivp, &mut anchor.direction, anchor.y.len());
         anchor.direction_known = true;
         let mut evaluations = 0;
         for k in 0..MOST[usize::from(careful)] {
@@ -115,14 +114,15 @@ impl SpectralRadius {
         ivp.length(direction)
     }
 
-    /// Adds a little of every direction, made in `other`, to `direction`; all of it where there is none yet.
-    fn mix<P: Ivp>(&mut self, ivp: &mut P, direction: &mut Vec<P::State>, other: &mut Vec<P::State>) {
+    /// Adds a little of every direction to `direction`, of `n` particles; all of it where there is none yet.
+    fn mix<P: Ivp>(&mut self, ivp: &mut P, direction: &mut Vec<P::State>, n: usize) {
         self.round += 1;
+        let mut share = MIXED_IN * self.stretch;
         if self.stretch == 0.0 {
-            return ivp.any_direction(self.round, direction);
+            direction.clear();
+            share = 1.0;
         }
-        ivp.any_direction(self.round, other);
-        let share = MIXED_IN * self.stretch;
-        direction.iter_mut().zip(other).for_each(|(a, b)| a.add_scaled(share, b));
+        fit(direction, n);
+        ivp.add_direction(self.round, share, direction);
     }
 }

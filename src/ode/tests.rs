@@ -50,10 +50,10 @@ impl<F: Fn(f64, &Point) -> f64> Ivp for Points<F> {
     fn length(&mut self, v: &[Point]) -> f64 {
         v.iter().map(|p| Vector2::new(p.x, p.v).norm_squared()).sum::<f64>().sqrt()
     }
-    fn any_direction(&mut self, round: u64, v: &mut Vec<Point>) {
-        let n = v.len().max(1);
-        v.clear();
-        v.extend((0..n).map(|k| Point { x: 0.0, v: 1.0 + 0.1 * ((k as u64 + round) % 3) as f64 }));
+    fn add_direction(&mut self, round: u64, share: f64, v: &mut [Point]) {
+        for (k, v) in v.iter_mut().enumerate() {
+            v.add_scaled(share, &Point { x: 0.0, v: 1.0 + 0.1 * ((k as u64 + round) % 3) as f64 });
+        }
     }
     fn small_length(&self) -> f64 {
         1.5e-8
@@ -286,8 +286,8 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
         fn length(&mut self, v: &[Point]) -> f64 {
             self.0.length(v)
         }
-        fn any_direction(&mut self, round: u64, v: &mut Vec<Point>) {
-            self.0.any_direction(round, v);
+        fn add_direction(&mut self, round: u64, share: f64, v: &mut [Point]) {
+            self.0.add_direction(round, share, v);
         }
         fn small_length(&self) -> f64 {
             self.0.small_length()
