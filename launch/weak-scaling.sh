@@ -9,7 +9,7 @@
 # The bed of R ranks is R mirrored copies of the bed of one rank, side by side. Wider beds take a few more or fewer
 # right-hand sides, so speed-up is particles x right-hand sides per second against those of the first number of ranks, by
 # the solver's own seconds (wall_seconds of the output, without the start of MPI), and efficiency is speed-up over cores.
-# Ranks are slabs along z: in a bed that only grows wider they get thinner, and each has ghosts like a whole layer.
+# Ranks are slabs across the longest axis, along which the bed grows, so each has as many ghosts as before.
 # All turns must give the same bits, and the first bed of several ranks is computed on one rank too. Writes
 # weak-scaling-runs.csv, weak-scaling.csv and weak-scaling.svg to the working folder.
 #   SIZE=20000                   spheres a rank: 200, 2000 or 20000
