@@ -13,7 +13,7 @@ use crate::parallel;
 use crate::particle::{Motion, Spin, Vec3};
 use blocks::each_block;
 pub use pass::Place;
-use site::{Seen, Site};
+use site::{Seen, Site, clear_for};
 
 mod blocks;
 mod pass;
@@ -41,7 +41,7 @@ pub struct Setting {
 /// A contact whose force is not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Broken {
-    /// Local indices, lower id first, and distance of the centres, m.
+    /// Local indices, the earlier in the order of sums first, and distance of the centres, m.
     Pair(usize, usize, f64),
     /// Local index, wall and overlap, m.
     Wall(usize, usize, f64),
@@ -182,10 +182,12 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         self.sent.extend(sent.map(seen));
         sites.resize_with(ghosts, Site::default);
         windows.resize_with(ghosts + 1, Vec::new);
-        windows[ghosts].clear();
+        clear_for(&mut windows[ghosts], bodies.len() - *owned);
         windows[ghosts].extend_from_slice(&bodies[*owned..]);
         for ((block, site), window) in lists.blocks.iter().zip(sites).zip(windows) {
-            window.resize(block.range.len() - block.hidden.len(), Motion::zero());
+            let shown = block.range.len() - block.hidden.len();
+            clear_for(window, shown);
+            window.resize(shown, Motion::zero());
             site.seen.clear();
             site.seen.extend(block.visitors.iter().map(|&i| seen(i as usize)));
         }

@@ -182,6 +182,8 @@ impl Block {
         }
         self.near.truncate(kept);
         self.horizon.clear();
+        // As much as the lists may ever ask for: near pairs are picked within steps too, where nothing is allocated.
+        self.horizon.reserve(self.pairs.len().div_ceil(BATCH));
         let own = self.range.len() as u32;
         let horizon = |pairs: &[[u32; 2]]| {
             pairs

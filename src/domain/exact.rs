@@ -27,7 +27,8 @@ impl Scale {
         let x = term * self.up[0] * self.up[1];
         let whole = x as i64;
         let rest = x - whole as f64;
-        whole + i64::from(rest >= 0.5) - i64::from(rest <= -0.5)
+        // What is beyond 64 bits, as where a term is infinite, is the largest there is.
+        whole.saturating_add(i64::from(rest >= 0.5)).saturating_sub(i64::from(rest <= -0.5))
     }
 }
 
@@ -101,6 +102,9 @@ mod tests {
             for x in [k, -k] {
                 assert_eq!(scale.integer(x * unit), x.round() as i64, "{x}");
             }
+        }
+        for x in [f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, f64::NAN] {
+            assert_eq!(scale.integer(x), x.round() as i64, "{x}");
         }
     }
 

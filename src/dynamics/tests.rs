@@ -6,6 +6,7 @@ use crate::container::Wall;
 use crate::domain::comm::team::team;
 use crate::domain::rows;
 use crate::domain::slabs::imbalance;
+use crate::elementary::Separate;
 use crate::particle::{Locked, Spinning};
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -84,10 +84,10 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
                 for (far, way) in far.iter_mut().zip(ways) {
                     *far = if way > *far { way } else { *far };
                 }
-                sum += ways[0];
+                sum += ways[0] + ways[2];
                 clear(slope, body);
             }
-            // A body that is nowhere is far from everything, but not larger.
+            // A body that is nowhere, or was when near pairs were picked, is far from everything, although not further.
             if sum.is_nan() {
                 far = [f64::INFINITY; 3];
             }

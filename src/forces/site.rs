@@ -57,12 +57,8 @@ impl<W: Spin> Site<W> {
     pub fn seat(&mut self, block: &Block, bodies: &[Motion<W>]) {
         let visitors = block.visitors.iter().map(|&i| bodies[i as usize]);
         let count = block.range.len() + block.visitors.len();
-        // Particles that arrive one by one must not double the memory.
-        if count > self.bodies.capacity() {
-            self.bodies = Vec::with_capacity(count + count / 16);
-            self.picked = Vec::with_capacity(count + count / 16);
-        }
-        self.bodies.clear();
+        clear_for(&mut self.bodies, count);
+        clear_for(&mut self.picked, count);
         self.bodies.extend_from_slice(&bodies[block.range.clone()]);
         self.bodies.extend(visitors);
     }
@@ -110,4 +106,12 @@ impl<W: Spin> Site<W> {
             + self.seen.capacity() * size_of::<Seen>()
             + size_of::<Batch>()
     }
+}
+
+/// Empties `vector` and makes room for `count`. Bodies that arrive one by one must not double the memory.
+pub fn clear_for<T>(vector: &mut Vec<T>, count: usize) {
+    if count > vector.capacity() {
+        *vector = Vec::with_capacity(count + count / 16);
+    }
+    vector.clear();
 }

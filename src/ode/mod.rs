@@ -72,7 +72,8 @@ pub trait Ivp {
     /// dy/dt at time `t` (s) and state `y`; both slices hold the owned particles. Collective.
     fn rhs(&mut self, t: f64, y: &[Self::State], dydt: &mut [Self::State]);
     /// `rhs` at a stage that is made on the way: `make(first, vectors, stage, dydt)` puts the stage of the particles from
-    /// `first` on into `stage`, from parts of the vectors and from what `dydt` still holds if need be. Collective.
+    /// `first` on into `stage`, from parts of the vectors and from what `dydt` still holds if need be. It is called once for
+    /// every particle, in parts of any size and order, before anything of that particle changes. Collective.
     fn rhs_of<const K: usize>(
         &mut self,
         t: f64,

@@ -122,6 +122,10 @@ impl SpectralRadius {
             direction.clear();
             share = 1.0;
         }
+        debug_assert!(
+            direction.is_empty() || direction.len() == n,
+            "a direction migrates with its particles"
+        );
         fit(direction, n);
         ivp.add_direction(self.round, share, direction);
     }

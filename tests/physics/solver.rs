@@ -56,12 +56,15 @@ fn the_stabilised_method_leaves_out_weak_contacts_and_the_others_nothing() {
             .set("solver.norm", "scaled")
             .set("solver.velocity_scale", 1.0)
             .set("solver.tolerance", 0.1)
+            .set("solver.max_step", 1e-3)
             .sphere(Vec3::zeros(), Vec3::zeros())
             .sphere(Vec3::new(0.28, 0.0, 0.0), Vec3::zeros())
     };
     let left_out = pair("chebyshev").run();
-    // The start is evaluated before a method is at work; its slope must not get into the steps.
-    assert_eq!(left_out.outcome.counts.pairs, 1);
+    // The start, and its stiffness in a dozen right-hand sides, are evaluated before a method is at work: its slope must not get
+    // into the steps.
+    let counts = left_out.outcome.counts;
+    assert!(counts.pairs <= 13 && counts.rhs > 200, "{counts:?}");
     assert_eq!(left_out.end().v, [Vec3::zeros(); 2]);
     for all in [pair("chebyshev").set("solver.neglected_force", 0.0), pair("merson"), pair("auto")] {
         let run = all.run();
