@@ -21,7 +21,7 @@ impl Job for Energies<'_> {
         let dynamics = simulation.dynamics_mut();
         group.bench_function(id("potential"), |b| b.iter(|| dynamics.potential_energy(&y)));
         group.bench_function(id("kinetic"), |b| b.iter(|| dynamics.kinetic_energy(&y)));
-        dynamics.begin(&y);
+        dynamics.begin();
         group.bench_function(id("rhs"), |b| b.iter(|| dynamics.rhs(0.0, &y, &mut slopes)));
         dynamics.audit();
         group.bench_function(id("rhs, audited"), |b| b.iter(|| dynamics.rhs(0.0, &y, &mut slopes)));

@@ -19,7 +19,7 @@ impl Job for RightHandSide<'_> {
         let y = simulation.state().to_vec();
         let mut slopes = y.clone();
         group.bench_function(BenchmarkId::from_parameter(self.2), |b| {
-            simulation.dynamics_mut().begin(&y);
+            simulation.dynamics_mut().begin();
             b.iter(|| simulation.dynamics_mut().rhs(0.0, &y, &mut slopes))
         });
     }

@@ -6,7 +6,7 @@ use crate::domain::migration::{self, Census};
 use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
 use crate::error::Error;
-use crate::forces::{Broken, Forces, Place, Setting};
+use crate::forces::{Broken, CHUNK, Forces, Place, Setting};
 use crate::instructions::InstructionSet;
 use crate::neighbors::Order;
 use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict, larger};
@@ -63,9 +63,7 @@ pub struct Dynamics<'c, R, T, W> {
     ids: Vec<u64>,
     /// Where the owned particles were when the lists were built, m.
     origin: Vec<Vec3>,
-    /// Where the owned particles were when the trial step began, m.
-    start: Vec<Vec3>,
-    /// Largest squared distance of any stage so far from `origin` and from `start`, m^2.
+    /// Largest squared distance of any stage so far from `origin`, and from the start of the trial step, m^2.
     moved: [f64; 2],
     /// Of the accepted state.
     extremes: Extremes,
@@ -117,7 +115,6 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             halo: Halo::default(),
             ids,
             origin: Vec::new(),
-            start: Vec::new(),
             moved: [0.0; 2],
             extremes: Extremes::default(),
             candidate: Extremes::default(),
@@ -215,7 +212,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     /// Memory held for particles, ghosts and lists, bytes.
     pub fn bytes(&self) -> usize {
         self.forces.bytes()
-            + (self.origin.capacity() + self.start.capacity()) * size_of::<Vec3>()
+            + self.origin.capacity() * size_of::<Vec3>()
             + self.ids.capacity() * size_of::<u64>()
     }
 
@@ -366,10 +363,11 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.forces.put(y);
     }
 
-    /// The right-hand side at the stage that `make` makes, as for `Ivp::rhs_of`. Collective.
+    /// The right-hand side at the stage of a step from `y` that `make` makes, as for `Ivp::rhs_of`. Collective.
     fn evaluate<const K: usize>(
         &mut self,
         t: f64,
+        y: &[Motion<W>],
         mut vectors: [&mut [Motion<W>]; K],
         dydt: &mut [Motion<W>],
         make: &(impl Fn(usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
@@ -377,7 +375,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         fail_point!("rhs");
         let begun = Instant::now();
         let forces = &mut self.forces;
-        let place = Place { make, anchors: [&self.origin, &self.start] };
+        let place = Place { make, origin: &self.origin, start: y };
         let mut waited = Duration::ZERO;
         forces.open(place, again(&mut vectors), dydt);
         if !self.halo.is_idle() {
@@ -483,9 +481,7 @@ fn fastest<W>(y: &[Motion<W>]) -> f64 {
 impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
     type State = Motion<W>;
 
-    fn begin(&mut self, y: &[Motion<W>]) {
-        self.start.clear();
-        self.start.extend(y.iter().map(|body| body.x));
+    fn begin(&mut self) {
         self.moved = [0.0; 2];
     }
 
@@ -494,17 +490,18 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
             |first: usize, []: [&mut [Motion<W>]; 0], bodies: &mut [Motion<W>], _: &mut [Motion<W>]| {
                 bodies.copy_from_slice(&y[first..first + bodies.len()]);
             };
-        self.evaluate(t, [], dydt, &make);
+        self.evaluate(t, y, [], dydt, &make);
     }
 
     fn rhs_of<const K: usize>(
         &mut self,
         t: f64,
+        y: &[Motion<W>],
         vectors: [&mut [Motion<W>]; K],
         dydt: &mut [Motion<W>],
         make: &(impl Fn(usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
     ) {
-        self.evaluate(t, vectors, dydt, make);
+        self.evaluate(t, y, vectors, dydt, make);
     }
 
     fn losses(&self) -> Losses {
@@ -552,15 +549,29 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         f64::EPSILON.sqrt() * self.forces.setting.mass.sqrt() * self.velocity_scale
     }
 
-    fn agree(&mut self, error: f64, next: &[Motion<W>]) -> Verdict {
+    fn agree(
+        &mut self,
+        y: &[Motion<W>],
+        next: &mut [Motion<W>],
+        finish: &(impl Fn(usize, &mut [Motion<W>]) -> f64 + Sync),
+    ) -> Verdict {
         let clock = Instant::now();
-        let (origin, start) = (&self.origin[..], &self.start[..]);
-        let of = |i: usize| {
-            let body = &next[i];
-            [(body.x - origin[i]).norm_squared(), (body.x - start[i]).norm_squared(), body.v.norm_squared()]
+        let origin = &self.origin[..];
+        let largest = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|k| larger(a[k], b[k]));
+        let measure = |mut first: usize, part: &mut [Motion<W>]| {
+            let mut most = [0.0; 4];
+            for chunk in part.chunks_mut(CHUNK) {
+                most[0] = larger(most[0], finish(first, chunk));
+                let from = origin[first..].iter().zip(&y[first..]);
+                for (body, (origin, start)) in chunk.iter().zip(from) {
+                    let ways = [body.x - origin, body.x - start.x, body.v].map(|way| way.norm_squared());
+                    most = largest(most, [0.0, ways[0], ways[1], ways[2]]);
+                }
+                first += chunk.len();
+            }
+            most
         };
-        let largest = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| larger(a[k], b[k]));
-        let [drift, way, speed] = parallel::fold(next.len(), parallel::GRAIN, of, [0.0; 3], largest);
+        let [error, drift, way, speed] = parallel::chunks(next, parallel::GRAIN, measure, largest);
         let moved = [larger(self.moved[0], drift), larger(self.moved[1], way)];
         let wish = self.outside.map_or(Wish::Nothing, |outside| outside()).weight();
         let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), wish];

@@ -12,7 +12,7 @@ use crate::ode::{Linear, larger};
 use crate::parallel;
 use crate::particle::{Motion, Spin, Vec3};
 use blocks::each_block;
-pub use pass::Place;
+pub use pass::{CHUNK, Place};
 use site::{Seen, Site, clear_for};
 
 mod blocks;

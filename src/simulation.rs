@@ -243,7 +243,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             dynamics.audit();
         }
         let mut anchor = Anchor::new(0.0, y);
-        dynamics.begin(&anchor.y);
+        dynamics.begin();
         let rhs = anchor.find_slope(&mut dynamics);
         let (norm, control) = error_control(scene, scale);
         let mut simulation = Simulation {

@@ -18,7 +18,7 @@ impl Job for Count<'_> {
         let mut slopes = y.clone();
         let dynamics = simulation.dynamics_mut();
         let before = dynamics.pair_evaluations();
-        dynamics.begin(&y);
+        dynamics.begin();
         dynamics.rhs(0.0, &y, &mut slopes);
         let n = y.len() as f64;
         let evaluated = (dynamics.pair_evaluations() - before) as f64;

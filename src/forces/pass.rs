@@ -18,7 +18,7 @@ use fail::fail_point;
 use std::ops::Range;
 
 /// Particles that are made at a time: all that belongs to them stays in the first-level cache.
-const CHUNK: usize = 64;
+pub const CHUNK: usize = 64;
 
 /// Particles that one thread makes while ghosts are under way: enough to be busy, and few enough to stay in the
 /// second-level cache until their pairs come.
@@ -28,21 +28,23 @@ const AHEAD: usize = 1024;
 const BATCHES: usize = 8;
 
 /// How the owned bodies come into place.
-pub struct Place<'a, F> {
+pub struct Place<'a, F, W> {
     /// `make(first, items, bodies, slopes)` puts bodies from particle `first` on into place; `items` belong to them, and the
     /// slopes are what they were.
     pub make: &'a F,
-    /// Where particles were when the lists were built and when the step began, m.
-    pub anchors: [&'a [Vec3]; 2],
+    /// Where particles were when the lists were built, m.
+    pub origin: &'a [Vec3],
+    /// Bodies when the step began.
+    pub start: &'a [Motion<W>],
 }
 
-impl<F> Clone for Place<'_, F> {
+impl<F, W> Clone for Place<'_, F, W> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<F> Copy for Place<'_, F> {}
+impl<F, W> Copy for Place<'_, F, W> {}
 
 /// What is the same for all particles.
 struct Field<'a, R, T> {
@@ -59,7 +61,7 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
     /// (N m) of walls.
     fn advance<W: Spin, C: Cut>(
         &self,
-        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>])>,
+        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
         (block, site): (&Block, &mut Site<W>),
         part: Range<usize>,
         mut rows: Rows<W, C>,
@@ -73,11 +75,10 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
             let (bodies, picked) = (&mut site.bodies[chunk.clone()], &site.picked[chunk.clone()]);
             let own = block.range.start + chunk.start..block.range.start + chunk.end;
             (place.make)(own.start, items, bodies, slopes);
-            let [origin, start] = place.anchors.map(|anchor| &anchor[own.clone()]);
-            let from = origin.iter().zip(start).zip(picked);
+            let from = place.origin[own.clone()].iter().zip(&place.start[own]).zip(picked);
             let (mut far, mut sum) = ([0.0; 3], 0.0);
             for ((body, slope), ((origin, start), picked)) in bodies.iter().zip(&mut *slopes).zip(from) {
-                let ways = [origin, start, picked].map(|from| {
+                let ways = [origin, &start.x, picked].map(|from| {
                     let way = minus(&body.x, from);
                     dot::<Separate>(&way, &way)
                 });
@@ -186,7 +187,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// owned particles. Needs no ghosts.
     pub fn open<C: Cut>(
         &mut self,
-        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync>,
+        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
         items: C,
         dydt: &mut [Motion<W>],
     ) {
@@ -219,7 +220,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// Goes on with bodies that nobody else sees, while ghosts are under way. Needs no ghosts.
     pub fn go_on<C: Cut>(
         &mut self,
-        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync>,
+        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
         items: C,
         dydt: &mut [Motion<W>],
     ) {
@@ -239,10 +240,10 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// Ends a right-hand side: brings the bodies that are left into place, adds pairs, and leaves accelerations in the slopes,
     /// eqs. (2.13)-(2.15). Ghosts are in place. Returns how many pairs are within `l_max` and have the earlier of their
     /// particles here, so that over all ranks every pair is counted once, and the largest squared distances of the owned
-    /// bodies from the two anchors, m^2.
+    /// bodies from where the lists were built and from where the step began, m^2.
     pub fn close<C: Cut>(
         &mut self,
-        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync>,
+        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
         items: C,
         dydt: &mut [Motion<W>],
     ) -> (u64, [f64; 2]) {

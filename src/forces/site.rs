@@ -12,8 +12,8 @@ use crate::particle::{Motion, Spin, Vec3};
 /// Where a body is to be seen: the window, and the place in it.
 pub type Seen = [u32; 2];
 
-/// Largest squared distances of own bodies from the two anchors of a right-hand side, and of all from where near pairs were
-/// picked, m^2.
+/// Largest squared distances of own bodies from where the lists were built and from where the step began, and of all from where near
+/// pairs were picked, m^2.
 pub type Ways = [f64; 3];
 
 /// The larger of each.

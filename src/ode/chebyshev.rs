@@ -8,7 +8,6 @@
 use super::{
     Anchor, Ivp, Linear, Losses, Method, Norm, SpectralRadius, Trial, Verdict, add_losses, hermite, larger,
 };
-use crate::parallel::{self, GRAIN};
 
 /// Damping epsilon: the polynomials stay below 1 - epsilon/3 in magnitude, and the stable region is a strip instead of
 /// beads on the axis.
@@ -104,12 +103,12 @@ pub struct Chebyshev {
 impl Chebyshev {
     /// Estimate of the local error of particle `i`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
     #[inline(always)]
-    fn error<S: Linear>(i: usize, h: f64, norm: &Norm, anchor: &Anchor<S>, trial: &Trial<S>) -> f64 {
+    fn error<S: Linear>(i: usize, h: f64, norm: &Norm, anchor: &Anchor<S>, (next, slope): (&S, &S)) -> f64 {
         let mut error = S::zero();
         error.add_scaled(0.8, &anchor.y[i]);
-        error.add_scaled(-0.8, &trial.next[i]);
+        error.add_scaled(-0.8, next);
         error.add_scaled(0.4 * h, &anchor.slope[i]);
-        error.add_scaled(0.4 * h, &trial.slope[i]);
+        error.add_scaled(0.4 * h, slope);
         let scale = if norm.rate { 3.0 / h } else { 1.0 };
         scale * error.magnitude(&norm.weights)
     }
@@ -146,7 +145,7 @@ impl<P: Ivp> Method<P> for Chebyshev {
         anchor: &mut Anchor<P::State>,
         trial: &mut Trial<P::State>,
     ) -> (f64, u64) {
-        ivp.begin(&anchor.y);
+        ivp.begin();
         let evaluations = anchor.find_slope(ivp) + self.radius.update(ivp, anchor, trial);
         (self.radius.bound(), evaluations)
     }
@@ -165,7 +164,7 @@ impl<P: Ivp> Method<P> for Chebyshev {
     ) -> Verdict {
         let n = anchor.y.len();
         trial.reset(n, CHANGES);
-        ivp.begin(&anchor.y);
+        ivp.begin();
         trial.evaluations = anchor.find_slope(ivp);
         let s = stages_for(h * self.radius.bound()).min(MOST_STAGES);
         if s != self.table.len() {
@@ -211,13 +210,19 @@ impl<P: Ivp> Method<P> for Chebyshev {
             }
             add_losses(&mut sum, h * row.mu_slope, &losses);
             lost = [sum, lost[0]];
-            ivp.rhs_of(anchor.t + row.c * h, [&mut trial.next, change], &mut trial.slope, &make);
+            ivp.rhs_of(anchor.t + row.c * h, y, [&mut trial.next, change], &mut trial.slope, &make);
             losses = ivp.losses();
             trial.evaluations += 1;
         }
         (trial.slope_known, trial.losses, trial.lost) = (true, losses, lost[0]);
-        let error = parallel::fold(n, GRAIN, |i| Self::error(i, h, norm, anchor, trial), 0.0, larger);
-        ivp.agree(error, &trial.next)
+        let Trial { next, slope, .. } = trial;
+        let error = |start: usize, part: &mut [P::State]| {
+            let ends = part.iter().zip(&slope[start..]);
+            (start..)
+                .zip(ends)
+                .fold(0.0, |worst, (i, end)| larger(worst, Self::error(i, h, norm, anchor, end)))
+        };
+        ivp.agree(&anchor.y, next, &error)
     }
 
     fn has_inside(&self) -> bool {
@@ -248,7 +253,7 @@ impl<P: Ivp> Method<P> for Chebyshev {
         anchor: &Anchor<P::State>,
         trial: &Trial<P::State>,
     ) -> f64 {
-        Self::error(i, h, norm, anchor, trial)
+        Self::error(i, h, norm, anchor, (&trial.next[i], &trial.slope[i]))
     }
 
     fn stages(&self) -> usize {

@@ -67,21 +67,22 @@ pub struct Verdict {
 pub trait Ivp {
     /// State of one particle.
     type State: Linear;
-    /// A trial step starts at `y`.
-    fn begin(&mut self, y: &[Self::State]);
+    /// A trial step starts.
+    fn begin(&mut self);
     /// dy/dt at time `t` (s) and state `y`; both slices hold the owned particles. Collective.
     fn rhs(&mut self, t: f64, y: &[Self::State], dydt: &mut [Self::State]);
-    /// `rhs` at a stage that is made on the way: `make(first, vectors, stage, dydt)` puts the stage of the particles from
-    /// `first` on into `stage`, from parts of the vectors and from what `dydt` still holds if need be. It is called once for
-    /// every particle, in parts of any size and order, before anything of that particle changes. Collective.
+    /// `rhs` at a stage of a step from `y` that is made on the way: `make(first, vectors, stage, dydt)` puts the stage of the
+    /// particles from `first` on into `stage`, from parts of the vectors and from what `dydt` still holds if need be. It is
+    /// called once for every particle, in parts of any size and order, before anything of that particle changes. Collective.
     fn rhs_of<const K: usize>(
         &mut self,
         t: f64,
+        y: &[Self::State],
         vectors: [&mut [Self::State]; K],
         dydt: &mut [Self::State],
         make: &(impl Fn(usize, [&mut [Self::State]; K], &mut [Self::State], &mut [Self::State]) + Sync),
     ) {
-        let mut stage = vec![Self::State::zero(); dydt.len()];
+        let mut stage = vec![Self::State::zero(); y.len()];
         make(0, vectors, &mut stage, dydt);
         self.rhs(t, &stage, dydt);
     }
@@ -89,8 +90,15 @@ pub trait Ivp {
     fn losses(&self) -> Losses {
         [0.0; 2]
     }
-    /// Ends the trial that `begin` started with the result `next`: the local `error` becomes everybody's. Collective.
-    fn agree(&mut self, error: f64, next: &[Self::State]) -> Verdict;
+    /// Ends the trial from `y` that `begin` started with the result `next`. `finish(first, part)` is called once for every
+    /// particle, in parts of any size and order: it gives the particles from `first` on their last touch and returns their
+    /// largest error, of which the largest becomes everybody's. Collective.
+    fn agree(
+        &mut self,
+        y: &[Self::State],
+        next: &mut [Self::State],
+        finish: &(impl Fn(usize, &mut [Self::State]) -> f64 + Sync),
+    ) -> Verdict;
     /// Length of a vector of the state space over all ranks, in a norm in which the stiff part of f is close to
     /// symmetric; velocities dominate it. Collective.
     fn length(&mut self, v: &[Self::State]) -> f64;

@@ -1,7 +1,6 @@
 //! One trial step of any explicit Runge-Kutta table.
 
 use super::{Anchor, Ivp, Linear, Losses, Method, Norm, Tableau, Trial, Verdict, add_losses, larger};
-use crate::parallel::{self, GRAIN};
 
 /// Stages of a table at most.
 const MOST: usize = 7;
@@ -111,7 +110,7 @@ impl<P: Ivp> Method<P> for RungeKutta {
         let n = anchor.y.len();
         trial.reset(n, Method::<P>::stages(self));
         let table = self.tableau;
-        ivp.begin(&anchor.y);
+        ivp.begin();
         trial.evaluations = anchor.find_slope(ivp);
         let (y, first) = (&anchor.y, &anchor.slope);
         let Trial { next, slope, stages, .. } = &mut *trial;
@@ -134,27 +133,24 @@ impl<P: Ivp> Method<P> for RungeKutta {
                     next.copy_from_slice(stages);
                 }
             };
-            ivp.rhs_of(anchor.t + table.c[s] * h, [next], &mut new, &make);
+            ivp.rhs_of(anchor.t + table.c[s] * h, y, [next], &mut new, &make);
             *vector_at(place, slope, stages) = new;
             self.losses[s - 1] = ivp.losses();
         }
         let slopes = self.slopes(first, slope, stages);
-        let error = if table.first_same_as_last {
-            // The last stage is the result.
-            parallel::fold(n, GRAIN, |i| self.error(i, h, norm, &slopes), 0.0, larger)
-        } else {
-            let finish = |start: usize, chunk: &mut [P::State]| {
-                let mut worst = 0.0;
-                for (k, next) in chunk.iter_mut().enumerate() {
-                    let i = start + k;
+        let finish = |start: usize, part: &mut [P::State]| {
+            let mut worst = 0.0;
+            for (i, next) in (start..).zip(part) {
+                // Where the last stage is the result it is there.
+                if !table.first_same_as_last {
                     *next = y[i];
                     next.add_scaled(1.0, &combine(table.b, h, &slopes, i));
-                    worst = larger(worst, self.error(i, h, norm, &slopes));
                 }
-                worst
-            };
-            parallel::chunks(next, GRAIN, finish, larger)
+                worst = larger(worst, self.error(i, h, norm, &slopes));
+            }
+            worst
         };
+        let verdict = ivp.agree(y, next, &finish);
         trial.evaluations += table.stages() as u64 - 1;
         add_losses(&mut trial.lost, h * table.b[0], &anchor.losses);
         for (b, losses) in table.b[1..].iter().zip(&self.losses) {
@@ -164,7 +160,7 @@ impl<P: Ivp> Method<P> for RungeKutta {
             trial.losses = *self.losses.last().expect("a table has two stages at least");
             trial.slope_known = true;
         }
-        ivp.agree(error, &trial.next)
+        verdict
     }
 
     fn has_inside(&self) -> bool {

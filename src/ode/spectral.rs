@@ -101,7 +101,7 @@ impl SpectralRadius {
                 stage.add_scaled(small / length, &along[start + k]);
             }
         };
-        ivp.rhs_of(anchor.t, [], &mut trial.slope, &make);
+        ivp.rhs_of(anchor.t, y, [], &mut trial.slope, &make);
         let (slope, first) = (&trial.slope, &anchor.slope);
         parallel::for_chunks(direction, GRAIN, |start, chunk| {
             for (k, direction) in chunk.iter_mut().enumerate() {

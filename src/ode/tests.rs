@@ -37,15 +37,20 @@ struct Points<F> {
 
 impl<F: Fn(f64, &Point) -> f64> Ivp for Points<F> {
     type State = Point;
-    fn begin(&mut self, _y: &[Point]) {}
+    fn begin(&mut self) {}
     fn rhs(&mut self, t: f64, y: &[Point], dydt: &mut [Point]) {
         self.evaluations += 1;
         for (slope, y) in dydt.iter_mut().zip(y) {
             *slope = Point { x: y.v, v: (self.force)(t, y) };
         }
     }
-    fn agree(&mut self, error: f64, _next: &[Point]) -> Verdict {
-        Verdict { error, covered: true, within_travel: true }
+    fn agree(
+        &mut self,
+        _y: &[Point],
+        next: &mut [Point],
+        finish: &(impl Fn(usize, &mut [Point]) -> f64 + Sync),
+    ) -> Verdict {
+        Verdict { error: finish(0, next), covered: true, within_travel: true }
     }
     fn length(&mut self, v: &[Point]) -> f64 {
         v.iter().map(|p| Vector2::new(p.x, p.v).norm_squared()).sum::<f64>().sqrt()
@@ -270,8 +275,8 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
     struct Brake(Points<Solve>);
     impl Ivp for Brake {
         type State = Point;
-        fn begin(&mut self, y: &[Point]) {
-            self.0.begin(y);
+        fn begin(&mut self) {
+            self.0.begin();
         }
         fn rhs(&mut self, t: f64, y: &[Point], dydt: &mut [Point]) {
             self.0.rhs(t, y, dydt);
@@ -280,8 +285,13 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
         fn losses(&self) -> Losses {
             [f64::from_bits(self.0.evaluations), 0.0]
         }
-        fn agree(&mut self, error: f64, next: &[Point]) -> Verdict {
-            self.0.agree(error, next)
+        fn agree(
+            &mut self,
+            y: &[Point],
+            next: &mut [Point],
+            finish: &(impl Fn(usize, &mut [Point]) -> f64 + Sync),
+        ) -> Verdict {
+            self.0.agree(y, next, finish)
         }
         fn length(&mut self, v: &[Point]) -> f64 {
             self.0.length(v)

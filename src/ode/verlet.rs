@@ -5,7 +5,6 @@
 //! forces depend on positions alone and of order 1 where they depend on velocities.
 
 use super::{Anchor, Ivp, Linear, Method, Norm, Trial, Verdict, add_losses, larger};
-use crate::parallel::{self, GRAIN};
 
 /// The method, which remembers nothing.
 #[derive(Debug, Clone, Copy, Default)]
@@ -29,7 +28,7 @@ impl<P: Ivp> Method<P> for Verlet {
         trial: &mut Trial<P::State>,
     ) -> Verdict {
         trial.reset(anchor.y.len(), 0);
-        ivp.begin(&anchor.y);
+        ivp.begin();
         trial.evaluations = anchor.find_slope(ivp);
         let (y, first) = (&anchor.y, &anchor.slope);
         // New positions with the velocities of the half step, and then those of the whole.
@@ -42,23 +41,22 @@ impl<P: Ivp> Method<P> for Verlet {
                 }
                 next.copy_from_slice(stages);
             };
-        ivp.rhs_of(anchor.t + h, [&mut trial.next], &mut trial.slope, &make);
+        ivp.rhs_of(anchor.t + h, y, [&mut trial.next], &mut trial.slope, &make);
         trial.evaluations += 1;
         (trial.slope_known, trial.losses) = (true, ivp.losses());
         add_losses(&mut trial.lost, 0.5 * h, &anchor.losses);
         add_losses(&mut trial.lost, 0.5 * h, &trial.losses);
-        let slope = &trial.slope;
+        let Trial { next, slope, .. } = trial;
         let finish = |start: usize, chunk: &mut [P::State]| {
-            let mut worst = 0.0;
-            for (k, next) in chunk.iter_mut().enumerate() {
-                next.kick(0.5 * h, &slope[start + k]);
-                worst = larger(worst, next.max_abs());
+            let mut largest = 0.0;
+            for (next, slope) in chunk.iter_mut().zip(&slope[start..]) {
+                next.kick(0.5 * h, slope);
+                largest = larger(largest, next.max_abs());
             }
-            worst
+            // There is no estimate of the error: a step stands if it is finite.
+            if largest < f64::INFINITY { 0.0 } else { f64::INFINITY }
         };
-        let largest = parallel::chunks(&mut trial.next, GRAIN, finish, larger);
-        // There is no estimate of the error: a step stands if it is finite.
-        ivp.agree(if largest < f64::INFINITY { 0.0 } else { f64::INFINITY }, &trial.next)
+        ivp.agree(y, next, &finish)
     }
 
     fn has_inside(&self) -> bool {
