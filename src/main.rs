@@ -8,6 +8,11 @@ use demhybrid::{accuracy, ensemble, launch, program, tools};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
+mod huge_pages;
+
+#[global_allocator]
+static ALLOCATOR: huge_pages::HugePages = huge_pages::HugePages;
+
 /// Exit code of an internal error.
 const INTERNAL: i32 = 70;
 
