@@ -12,14 +12,27 @@ pub fn each_block<B: Cut, C: Cut, A: Send>(
     work: &(impl Fn(B, C) -> A + Sync),
     combine: &(impl Fn(A, A) -> A + Sync),
 ) -> A {
+    each_from(0, bounds, own, items, work, combine)
+}
+
+/// `each_block` from block `first` on.
+fn each_from<B: Cut, C: Cut, A: Send>(
+    first: usize,
+    bounds: &[usize],
+    own: B,
+    items: C,
+    work: &(impl Fn(B, C) -> A + Sync),
+    combine: &(impl Fn(A, A) -> A + Sync),
+) -> A {
     if bounds.len() <= 2 {
         return work(own, items);
     }
     let half = bounds.len() / 2;
     let (own, items) = (own.cut(half), items.cut(bounds[half] - bounds[0]));
     let (a, b) = parallel::join(
-        || each_block(&bounds[..=half], own.0, items.0, work, combine),
-        || each_block(&bounds[half..], own.1, items.1, work, combine),
+        first + half,
+        || each_from(first, &bounds[..=half], own.0, items.0, work, combine),
+        || each_from(first + half, &bounds[half..], own.1, items.1, work, combine),
     );
     combine(a, b)
 }
