@@ -69,6 +69,8 @@ pub struct Dynamics<'c, R, T, W> {
     extremes: Extremes,
     /// Of the result of the last trial.
     candidate: Extremes,
+    /// The next stage has been begun together with the last one.
+    is_open: bool,
     pair_evaluations: u64,
     /// Of all ranks, before this process took the run up.
     earlier_pairs: u64,
@@ -118,6 +120,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             moved: [0.0; 2],
             extremes: Extremes::default(),
             candidate: Extremes::default(),
+            is_open: false,
             pair_evaluations: 0,
             earlier_pairs: 0,
             rebuilds: 0,
@@ -368,16 +371,19 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         &mut self,
         t: f64,
         y: &[Motion<W>],
+        [stage, stages]: [usize; 2],
         mut vectors: [&mut [Motion<W>]; K],
         dydt: &mut [Motion<W>],
-        make: &(impl Fn(usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
+        make: &(impl Fn(usize, usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
     ) {
         fail_point!("rhs");
         let begun = Instant::now();
         let forces = &mut self.forces;
-        let place = Place { make, origin: &self.origin, start: y };
+        let place = Place { make, stage, origin: &self.origin, start: y };
         let mut waited = Duration::ZERO;
-        forces.open(place, again(&mut vectors), dydt);
+        if !std::mem::take(&mut self.is_open) {
+            forces.open(place, again(&mut vectors), dydt);
+        }
         if !self.halo.is_idle() {
             let clock = Instant::now();
             let mut inside = Duration::ZERO;
@@ -391,7 +397,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             self.halo.deliver(forces.ghosts());
             waited = clock.elapsed().saturating_sub(inside);
         }
-        let (pairs, moved) = forces.close(place, again(&mut vectors), dydt);
+        // Where somebody looks at bodies after this none may be ahead of the others.
+        self.is_open = stage + 1 < stages && !self.audits && self.watch.is_none();
+        let (pairs, moved) = forces.close(place, self.is_open, again(&mut vectors), dydt);
         self.pair_evaluations += pairs;
         self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
         if self.audits {
@@ -486,22 +494,26 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
     }
 
     fn rhs(&mut self, t: f64, y: &[Motion<W>], dydt: &mut [Motion<W>]) {
-        let make =
-            |first: usize, []: [&mut [Motion<W>]; 0], bodies: &mut [Motion<W>], _: &mut [Motion<W>]| {
-                bodies.copy_from_slice(&y[first..first + bodies.len()]);
-            };
-        self.evaluate(t, y, [], dydt, &make);
+        let make = |_: usize,
+                    first: usize,
+                    []: [&mut [Motion<W>]; 0],
+                    bodies: &mut [Motion<W>],
+                    _: &mut [Motion<W>]| {
+            bodies.copy_from_slice(&y[first..first + bodies.len()]);
+        };
+        self.evaluate(t, y, [0, 1], [], dydt, &make);
     }
 
     fn rhs_of<const K: usize>(
         &mut self,
         t: f64,
         y: &[Motion<W>],
+        turn: [usize; 2],
         vectors: [&mut [Motion<W>]; K],
         dydt: &mut [Motion<W>],
-        make: &(impl Fn(usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
+        make: &(impl Fn(usize, usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
     ) {
-        self.evaluate(t, y, vectors, dydt, make);
+        self.evaluate(t, y, turn, vectors, dydt, make);
     }
 
     fn losses(&self) -> Losses {

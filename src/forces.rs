@@ -23,7 +23,7 @@ mod site;
 const INNER_SKIN: f64 = 0.1;
 
 /// Particles below which a block of its own is not worth a thread that looks out for work, and one that must be woken.
-const BLOCK: [usize; 2] = [128, 512];
+const BLOCK: [usize; 2] = [64, 512];
 
 /// What the equations of motion need besides the contact law.
 #[derive(Debug, Clone)]
@@ -49,6 +49,9 @@ pub enum Broken {
 
 /// Work of a particle without pairs (stages, copies, walls), in units of half a pair; docs/performance.md has the costs.
 const LOAD: u64 = 4;
+
+/// What handing its work over to another thread costs every block but the first, in the same units: 2 us.
+const HANDOVER: u64 = 360;
 
 /// A block may have this many times its fair share of the work before blocks are cut anew.
 const TOLERATED_IMBALANCE: f64 = 1.03;
@@ -110,8 +113,11 @@ pub struct Forces<R, T, W> {
     shares: Vec<f64>,
     /// The bodies of every block.
     sites: Vec<Site<W>>,
-    /// What every block shows of itself, and at last the ghosts.
-    windows: Vec<Vec<Motion<W>>>,
+    /// What every block shows of itself, in one stage and in the next.
+    windows: [Vec<Vec<Motion<W>>>; 2],
+    /// Which of the two belongs to the stage at hand.
+    shown: usize,
+    ghosts: Vec<Motion<W>>,
     /// Where the particles that are sent to other ranks are to be seen.
     sent: Vec<Seen>,
     /// Hidden particles of every block that are in place before its pairs are begun, at most.
@@ -130,7 +136,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             bounds: vec![0, 0],
             shares: Vec::new(),
             sites: Vec::new(),
-            windows: Vec::new(),
+            windows: [const { Vec::new() }; 2],
+            shown: 0,
+            ghosts: Vec::new(),
             sent: Vec::new(),
             ahead: 0,
             set,
@@ -171,23 +179,26 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Brings all bodies to their blocks, and opens windows.
     fn seat(&mut self, bodies: &[Motion<W>], sent: impl Iterator<Item = usize> + Clone) {
-        let Forces { lists, owned, sites, windows, .. } = self;
-        lists.hide(sent.clone());
-        let ghosts = lists.blocks.len();
+        let Forces { lists, owned, sites, windows, ghosts, .. } = self;
+        lists.find_seen(sent.clone());
+        let blocks = lists.blocks.len();
         let seen = |i: usize| match i.checked_sub(*owned) {
-            None => lists.seen(i),
-            Some(ghost) => [ghosts as u32, ghost as u32],
+            None => lists.place_of_seen(i),
+            Some(ghost) => [blocks as u32, ghost as u32],
         };
         self.sent.clear();
         self.sent.extend(sent.map(seen));
-        sites.resize_with(ghosts, Site::default);
-        windows.resize_with(ghosts + 1, Vec::new);
-        clear_for(&mut windows[ghosts], bodies.len() - *owned);
-        windows[ghosts].extend_from_slice(&bodies[*owned..]);
-        for ((block, site), window) in lists.blocks.iter().zip(sites).zip(windows) {
-            let shown = block.range.len() - block.hidden.len();
-            clear_for(window, shown);
-            window.resize(shown, Motion::zero());
+        sites.resize_with(blocks, Site::default);
+        clear_for(ghosts, bodies.len() - *owned);
+        ghosts.extend_from_slice(&bodies[*owned..]);
+        for windows in windows {
+            windows.resize_with(blocks, Vec::new);
+            for (block, window) in lists.blocks.iter().zip(windows) {
+                clear_for(window, block.seen.len());
+                window.resize(block.seen.len(), Motion::zero());
+            }
+        }
+        for (block, site) in lists.blocks.iter().zip(sites) {
             site.seen.clear();
             site.seen.extend(block.visitors.iter().map(|&i| seen(i as usize)));
         }
@@ -201,11 +212,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// The largest work of a block over the mean of all.
     fn imbalance(&self) -> f64 {
-        let loads = self
-            .lists
-            .blocks
-            .iter()
-            .map(|block| LOAD * block.range.len() as u64 + 2 * block.near.len() as u64);
+        let loads = self.lists.blocks.iter().enumerate().map(|(b, block)| {
+            HANDOVER * u64::from(b > 0) + LOAD * block.range.len() as u64 + 2 * block.near.len() as u64
+        });
         let (sum, most) = loads.fold((0, 0), |(sum, most), load| (sum + load, load.max(most)));
         (most * self.lists.blocks.len() as u64) as f64 / sum as f64
     }
@@ -213,11 +222,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// Gives every block the same work.
     fn share_out(&mut self) {
         let loads = self.loads();
-        let total: u64 = loads.iter().sum();
         let blocks = self.shares.len() as u64 - 1;
+        let total = loads.iter().sum::<u64>() + (blocks - 1) * HANDOVER;
         let (mut below, mut next) = (0, 1);
         for (i, load) in loads.iter().enumerate() {
-            while next < blocks && below * blocks >= next * total {
+            while next < blocks && (below + (next - 1) * HANDOVER) * blocks >= next * total {
                 self.shares[next as usize] = i as f64 / self.owned as f64;
                 next += 1;
             }
@@ -235,12 +244,13 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// The ghosts.
     pub fn ghosts(&mut self) -> &mut [Motion<W>] {
-        self.windows.last_mut().map_or(&mut [], Vec::as_mut_slice)
+        &mut self.ghosts
     }
 
     /// Moves the owned bodies to `y`; the ghosts are in place.
     pub fn put(&mut self, y: &[Motion<W>]) {
-        let Forces { law, setting, lists, bounds, sites, windows, .. } = self;
+        let Forces { law, setting, lists, bounds, sites, windows, shown, ghosts, .. } = self;
+        let windows = &mut windows[*shown];
         let own = ((&mut lists.blocks[..], &mut sites[..]), &mut windows[..]);
         let put = |((blocks, sites), windows): Windowed<W>, y: &[Motion<W>]| {
             sites[0].bodies[..y.len()].copy_from_slice(y);
@@ -248,8 +258,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         };
         each_block(bounds, own, y, &put, &|(), ()| ());
         let follow = |(blocks, sites): Seat<W>, ()| {
-            sites[0].look(&blocks[0], windows);
+            sites[0].look(&blocks[0], windows, ghosts);
             sites[0].follow(&mut blocks[0], law, &setting.walls);
+            sites[0].ways = [0.0; 3];
         };
         each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &follow, &|(), ()| ());
     }
@@ -257,7 +268,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// Particle `k` of those that are sent to other ranks.
     pub fn sent(&self, k: usize) -> &Motion<W> {
         let [window, place] = self.sent[k];
-        &self.windows[window as usize][place as usize]
+        &self.windows[self.shown][window as usize][place as usize]
     }
 
     /// The owned bodies in place.
@@ -355,10 +366,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Memory held, bytes.
     pub fn bytes(&self) -> usize {
-        let windows = self.windows.iter().map(Vec::capacity).sum::<usize>() * size_of::<Motion<W>>();
+        let windows =
+            self.windows.iter().flatten().map(Vec::capacity).sum::<usize>() + self.ghosts.capacity();
         self.lists.bytes()
             + self.sites.iter().map(Site::bytes).sum::<usize>()
-            + windows
+            + windows * size_of::<Motion<W>>()
             + self.sent.capacity() * size_of::<Seen>()
     }
 }

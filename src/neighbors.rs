@@ -122,7 +122,9 @@ pub const BATCH: usize = 128;
 pub struct Block {
     /// The owned particles.
     pub range: Range<usize>,
-    /// Places of own particles that no other block or rank sees, so that only some at both ends are seen.
+    /// Places of own particles that other blocks or ranks see, ascending.
+    pub seen: Vec<u32>,
+    /// Places between those that are seen: all of these are at both ends.
     pub hidden: Range<usize>,
     /// Particles of other blocks, and ghosts, that are on the lists: their local indices, ascending.
     pub visitors: Vec<u32>,
@@ -197,7 +199,7 @@ impl Block {
 
     fn bytes(&self) -> usize {
         let lists = [&self.pairs, &self.near, &self.walls, &self.near_walls].map(Vec::capacity);
-        let singles = self.horizon.capacity() + self.visitors.capacity();
+        let singles = self.horizon.capacity() + self.visitors.capacity() + self.seen.capacity();
         lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + singles * size_of::<u32>()
     }
 }
@@ -260,34 +262,32 @@ impl Lists {
         self.blocks.iter().map(|block| block.first_pairs().count()).sum()
     }
 
-    /// Finds what every block hides, where other ranks see the owned particles `sent` (local indices).
-    pub fn hide(&mut self, sent: impl Iterator<Item = usize>) {
+    /// Finds what is seen of every block, where other ranks see the owned particles `sent` (local indices).
+    pub fn find_seen(&mut self, sent: impl Iterator<Item = usize>) {
         let owned = self.blocks.last().map_or(0, |block| block.range.end);
         let visitors = self.blocks.iter().flat_map(|block| block.visitors.iter().map(|&i| i as usize));
         let seen: Vec<usize> = visitors.filter(|&i| i < owned).chain(sent).collect();
-        for block in &mut self.blocks {
-            block.hidden = 0..block.range.len();
-        }
+        self.blocks.iter_mut().for_each(|block| block.seen.clear());
         for i in seen {
             let b = self.block_of(i);
-            let Block { range, hidden, .. } = &mut self.blocks[b];
-            let (place, from_end) = (i - range.start, range.end - i);
-            if place < from_end {
-                hidden.start = hidden.start.max(place + 1);
-            } else {
-                hidden.end = hidden.end.min(place);
-            }
-            hidden.end = hidden.end.max(hidden.start);
+            let block = &mut self.blocks[b];
+            block.seen.push((i - block.range.start) as u32);
+        }
+        for Block { range, seen, hidden, .. } in &mut self.blocks {
+            seen.sort_unstable();
+            seen.dedup();
+            let middle = seen.partition_point(|&place| (place as usize) < range.len() / 2);
+            let (front, back) = seen.split_at(middle);
+            hidden.start = front.last().map_or(0, |&place| place as usize + 1);
+            hidden.end = back.first().map_or(range.len(), |&place| place as usize);
         }
     }
 
-    /// Block of an owned particle (local index), and which of those that the block does not hide it is; of no meaning for
-    /// hidden ones.
-    pub fn seen(&self, i: usize) -> [u32; 2] {
+    /// Block of an owned particle that is seen (local index), and which of those it is.
+    pub fn place_of_seen(&self, i: usize) -> [u32; 2] {
         let b = self.block_of(i);
-        let Block { range, hidden, .. } = &self.blocks[b];
-        let place = i - range.start;
-        [b as u32, (if place < hidden.start { place } else { place.saturating_sub(hidden.len()) }) as u32]
+        let Block { range, seen, .. } = &self.blocks[b];
+        [b as u32, seen.partition_point(|&place| (place as usize) < i - range.start) as u32]
     }
 
     fn block_of(&self, i: usize) -> usize {

@@ -29,9 +29,11 @@ const BATCHES: usize = 8;
 
 /// How the owned bodies come into place.
 pub struct Place<'a, F, W> {
-    /// `make(first, items, bodies, slopes)` puts bodies from particle `first` on into place; `items` belong to them, and the
-    /// slopes are what they were.
+    /// `make(stage, first, items, bodies, slopes)` puts bodies from particle `first` on into place; `items` belong to them, and
+    /// the slopes are what they were.
     pub make: &'a F,
+    /// The stage.
+    pub stage: usize,
     /// Where particles were when the lists were built, m.
     pub origin: &'a [Vec3],
     /// Bodies when the step began.
@@ -61,7 +63,7 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
     /// (N m) of walls.
     fn advance<W: Spin, C: Cut>(
         &self,
-        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
+        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
         (block, site): (&Block, &mut Site<W>),
         part: Range<usize>,
         mut rows: Rows<W, C>,
@@ -74,7 +76,7 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
             rows = rest;
             let (bodies, picked) = (&mut site.bodies[chunk.clone()], &site.picked[chunk.clone()]);
             let own = block.range.start + chunk.start..block.range.start + chunk.end;
-            (place.make)(own.start, items, bodies, slopes);
+            (place.make)(place.stage, own.start, items, bodies, slopes);
             let from = place.origin[own.clone()].iter().zip(&place.start[own]).zip(picked);
             let (mut far, mut sum) = ([0.0; 3], 0.0);
             for ((body, slope), ((origin, start), picked)) in bodies.iter().zip(&mut *slopes).zip(from) {
@@ -96,6 +98,20 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
             self.add_walls(far[2] <= allowed, (block, site), chunk.clone(), slopes);
             first = chunk.end;
         }
+    }
+
+    /// Brings those particles that others see to their stage, and shows them in the window; `rows` belong to those at both ends.
+    fn show<W: Spin, C: Cut>(
+        &self,
+        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
+        (block, site): (&Block, &mut Site<W>),
+        window: &mut [Motion<W>],
+        [front, back]: [Rows<W, C>; 2],
+    ) {
+        let Range { start, end } = block.hidden;
+        self.advance(place, (block, site), 0..start, front);
+        self.advance(place, (block, site), end..block.range.len(), back);
+        site.show(block, window);
     }
 
     /// Adds forces and torques of walls to the slopes of the particles of `part`: of those that were picked as near, while
@@ -187,47 +203,37 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// owned particles. Needs no ghosts.
     pub fn open<C: Cut>(
         &mut self,
-        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
+        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
         items: C,
         dydt: &mut [Motion<W>],
     ) {
-        self.ahead = 0;
-        self.sites.iter_mut().for_each(|site| site.ways = [0.0; 3]);
-        let Forces { law, setting, lists, bounds, sites, windows, set, .. } = self;
-        let (blocks, ghosts) = (&mut lists.blocks[..], windows.len() - 1);
-        if windows[..ghosts].iter().all(Vec::is_empty) {
+        let Forces { law, setting, lists, bounds, sites, windows, shown, set, .. } = self;
+        let windows = &mut windows[*shown][..];
+        if windows.iter().all(Vec::is_empty) {
             return;
         }
         let field = Field { law, setting, set: *set };
-        let work = |((blocks, sites), windows): Windowed<W>, rows: Rows<W, C>| {
+        let work = move |((blocks, sites), windows): Windowed<W>, rows: Rows<W, C>| {
             let (block, site) = (&blocks[0], &mut sites[0]);
-            let Range { start, end } = block.hidden;
-            let (front, rows) = rows.cut(start);
-            let back = rows.cut(end - start).1;
-            field.advance(place, (block, site), 0..start, front);
-            field.advance(place, (block, site), end..block.range.len(), back);
-            site.show(block, &mut windows[0]);
+            let (front, rows) = rows.cut(block.hidden.start);
+            let back = rows.cut(block.hidden.len()).1;
+            field.show(place, (block, site), &mut windows[0], [front, back]);
         };
-        each_block(
-            bounds,
-            ((blocks, &mut sites[..]), &mut windows[..ghosts]),
-            (dydt, items),
-            &work,
-            &|(), ()| (),
-        );
+        let own = ((&mut lists.blocks[..], &mut sites[..]), windows);
+        each_block(bounds, own, (dydt, items), &work, &|(), ()| ());
     }
 
     /// Goes on with bodies that nobody else sees, while ghosts are under way. Needs no ghosts.
     pub fn go_on<C: Cut>(
         &mut self,
-        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
+        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
         items: C,
         dydt: &mut [Motion<W>],
     ) {
         self.ahead = AHEAD;
         let Forces { law, setting, lists, bounds, sites, set, .. } = self;
         let field = Field { law, setting, set: *set };
-        let work = |(blocks, sites): Seat<W>, rows: Rows<W, C>| {
+        let work = move |(blocks, sites): Seat<W>, rows: Rows<W, C>| {
             let (block, site) = (&blocks[0], &mut sites[0]);
             let Range { start, end } = block.hidden;
             let end = end.min(start + AHEAD);
@@ -238,25 +244,34 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     }
 
     /// Ends a right-hand side: brings the bodies that are left into place, adds pairs, and leaves accelerations in the slopes,
-    /// eqs. (2.13)-(2.15). Ghosts are in place. Returns how many pairs are within `l_max` and have the earlier of their
+    /// eqs. (2.13)-(2.15). Ghosts are in place. Where `goes_on` it opens the next stage as well, with the same `place` and items.
+    /// Returns how many pairs are within `l_max` and have the earlier of their
     /// particles here, so that over all ranks every pair is counted once, and the largest squared distances of the owned
     /// bodies from where the lists were built and from where the step began, m^2.
     pub fn close<C: Cut>(
         &mut self,
-        place: Place<impl Fn(usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
+        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
+        goes_on: bool,
         items: C,
         dydt: &mut [Motion<W>],
     ) -> (u64, [f64; 2]) {
-        let Forces { law, setting, lists, bounds, sites, windows, set, ahead, .. } = self;
+        let ahead = std::mem::take(&mut self.ahead);
+        let Forces { law, setting, lists, bounds, sites, windows, shown, ghosts, set, .. } = self;
+        let (law, setting) = (&*law, &*setting);
         let (field, allowed) = (Field { law, setting, set: *set }, allowed(law.r));
-        let (windows, ahead) = (&windows[..], *ahead);
-        let work = |(blocks, sites): Seat<W>, (slopes, items): Rows<W, C>| {
+        let [even, odd] = windows;
+        let (windows, next_windows) = if *shown == 0 { (even, odd) } else { (odd, even) };
+        let goes_on = goes_on && !windows.iter().all(Vec::is_empty);
+        let (windows, ghosts) = (&windows[..], &ghosts[..]);
+        let work = move |((blocks, sites), next_windows): Windowed<W>, (slopes, items): Rows<W, C>| {
             fail_point!("worker");
             let (block, site) = (&mut blocks[0], &mut sites[0]);
-            site.look(block, windows);
-            let (own, end) = (block.range.len(), block.hidden.end);
-            let mut placed = end.min(block.hidden.start + ahead);
-            let mut items = items.cut(placed).1;
+            site.look(block, windows, ghosts);
+            let (own, Range { start, end }) = (block.range.len(), block.hidden.clone());
+            let mut placed = end.min(start + ahead);
+            let (front, items) = items.cut(start);
+            let (items, back) = items.cut(end - start);
+            let mut items = items.cut(placed - start).1;
             let mut pairs = Pairs::default();
             loop {
                 // What is behind the hidden ones is in place too.
@@ -273,18 +288,27 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
                 field.advance(place, (block, site), part.clone(), (&mut slopes[part.clone()], these));
                 placed = part.end;
             }
-            let [from_origin, from_start, strayed] = site.ways;
+            let [from_origin, from_start, strayed] = std::mem::take(&mut site.ways);
             if strayed > allowed {
                 site.pick_near(block, law, &setting.walls);
                 field.begin_again((block, site), slopes);
                 pairs = Pairs::default();
                 pairs.follow(own, &field, (block, site), slopes);
             }
+            if goes_on {
+                let next = Place { stage: place.stage + 1, ..place };
+                let (first, rest) = slopes.split_at_mut(start);
+                let last = &mut rest[end - start..];
+                field.show(next, (block, site), &mut next_windows[0], [(first, front), (last, back)]);
+            }
             (pairs.count, [from_origin, from_start])
         };
         let both = |a: (u64, [f64; 2]), b: (u64, [f64; 2])| {
             (a.0 + b.0, [larger(a.1[0], b.1[0]), larger(a.1[1], b.1[1])])
         };
-        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (dydt, items), &work, &both)
+        let own = ((&mut lists.blocks[..], &mut sites[..]), &mut next_windows[..]);
+        let found = each_block(bounds, own, (dydt, items), &work, &both);
+        *shown ^= usize::from(goes_on);
+        found
     }
 }

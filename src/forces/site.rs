@@ -9,7 +9,7 @@ use crate::neighbors::Block;
 use crate::ode::larger;
 use crate::particle::{Motion, Spin, Vec3};
 
-/// Where a body is to be seen: the window, and the place in it.
+/// Where a body is to be seen: the window, and the place in it. Ghosts have the window after the last.
 pub type Seen = [u32; 2];
 
 /// Largest squared distances of own bodies from where the lists were built and from where the step began, and of all from where near
@@ -65,17 +65,17 @@ impl<W: Spin> Site<W> {
 
     /// Shows in the `window` what others see of the block.
     pub fn show(&self, block: &Block, window: &mut [Motion<W>]) {
-        let (front, back) = window.split_at_mut(block.hidden.start);
-        front.copy_from_slice(&self.bodies[..block.hidden.start]);
-        back.copy_from_slice(&self.bodies[block.hidden.end..block.range.len()]);
+        for (shown, &place) in window.iter_mut().zip(&block.seen) {
+            *shown = self.bodies[place as usize];
+        }
     }
 
     /// Brings the visitors into place.
-    pub fn look(&mut self, block: &Block, windows: &[Vec<Motion<W>>]) {
+    pub fn look(&mut self, block: &Block, windows: &[Vec<Motion<W>>], ghosts: &[Motion<W>]) {
         let first = block.range.len();
         let picked = &self.picked[first..];
         for ((visitor, &[window, k]), picked) in self.bodies[first..].iter_mut().zip(&self.seen).zip(picked) {
-            *visitor = windows[window as usize][k as usize];
+            *visitor = windows.get(window as usize).map_or(ghosts, Vec::as_slice)[k as usize];
             self.ways[2] = larger(self.ways[2], (visitor.x - picked).norm_squared());
         }
     }

@@ -170,38 +170,40 @@ impl<P: Ivp> Method<P> for Chebyshev {
         if s != self.table.len() {
             tabulate(s, &mut self.table);
         }
-        let (y, first) = (&anchor.y, &anchor.slope);
+        let (y, first, table) = (&anchor.y[..], &anchor.slope[..], &self.table[..]);
+        // The oldest change gives its place to the new one, the last slope and stage to the next: what they are made of is at
+        // the same index.
+        let make = move |j: usize,
+                         start: usize,
+                         [next, even, odd]: [&mut [P::State]; 3],
+                         stages: &mut [P::State],
+                         slopes: &mut [P::State]| {
+            let row = &table[j];
+            let (changes, older) = if j.is_multiple_of(2) { (even, odd) } else { (odd, even) };
+            let (y, first) = (&y[start..], &first[start..]);
+            for (k, (change, stage)) in changes.iter_mut().zip(&mut *stages).enumerate() {
+                let mut sum = P::State::zero();
+                if j > 0 {
+                    sum.add_scaled(row.mu, &older[k]);
+                    if j > 1 {
+                        sum.add_scaled(row.nu, change);
+                    }
+                    sum.add_scaled(h * row.gamma, &first[k]);
+                }
+                sum.add_scaled(h * row.mu_slope, if j == 0 { &first[k] } else { &slopes[k] });
+                *change = sum;
+                *stage = y[k];
+                stage.add_scaled(1.0, &sum);
+            }
+            if j + 1 == s {
+                next.copy_from_slice(stages);
+            }
+        };
         let mut lost: [Losses; 2] = [[0.0; 2]; 2];
         let mut losses = anchor.losses;
-        for (j, row) in self.table.iter().enumerate() {
-            // The oldest change gives its place to the new one, the last slope and stage to the next: what they are made
-            // of is at the same index.
-            trial.stages.swap(0, 1);
-            let [change, before, ..] = &mut trial.stages[..] else { unreachable!("there is room for two") };
-            let (older, is_last) = (&*before, j + 1 == s);
-            let make = |start: usize,
-                        [next, changes]: [&mut [P::State]; 2],
-                        stages: &mut [P::State],
-                        slopes: &mut [P::State]| {
-                for (k, (change, stage)) in changes.iter_mut().zip(&mut *stages).enumerate() {
-                    let i = start + k;
-                    let mut sum = P::State::zero();
-                    if j > 0 {
-                        sum.add_scaled(row.mu, &older[i]);
-                        if j > 1 {
-                            sum.add_scaled(row.nu, change);
-                        }
-                        sum.add_scaled(h * row.gamma, &first[i]);
-                    }
-                    sum.add_scaled(h * row.mu_slope, if j == 0 { &first[i] } else { &slopes[k] });
-                    *change = sum;
-                    *stage = y[i];
-                    stage.add_scaled(1.0, &sum);
-                }
-                if is_last {
-                    next.copy_from_slice(stages);
-                }
-            };
+        let Trial { next, slope, stages, .. } = &mut *trial;
+        let [even, odd, ..] = &mut stages[..] else { unreachable!("there is room for two") };
+        for (j, row) in table.iter().enumerate() {
             let mut sum = [0.0; 2];
             if j > 0 {
                 add_losses(&mut sum, row.mu, &lost[0]);
@@ -210,10 +212,10 @@ impl<P: Ivp> Method<P> for Chebyshev {
             }
             add_losses(&mut sum, h * row.mu_slope, &losses);
             lost = [sum, lost[0]];
-            ivp.rhs_of(anchor.t + row.c * h, y, [&mut trial.next, change], &mut trial.slope, &make);
+            ivp.rhs_of(anchor.t + row.c * h, y, [j, s], [next, even, odd], slope, &make);
             losses = ivp.losses();
-            trial.evaluations += 1;
         }
+        trial.evaluations += s as u64;
         (trial.slope_known, trial.losses, trial.lost) = (true, losses, lost[0]);
         let Trial { next, slope, .. } = trial;
         let error = |start: usize, part: &mut [P::State]| {

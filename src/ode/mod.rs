@@ -71,19 +71,22 @@ pub trait Ivp {
     fn begin(&mut self);
     /// dy/dt at time `t` (s) and state `y`; both slices hold the owned particles. Collective.
     fn rhs(&mut self, t: f64, y: &[Self::State], dydt: &mut [Self::State]);
-    /// `rhs` at a stage of a step from `y` that is made on the way: `make(first, vectors, stage, dydt)` puts the stage of the
+    /// `rhs` at a stage of a step from `y` that is made on the way: `make(k, first, vectors, stage, dydt)` puts stage k of the
     /// particles from `first` on into `stage`, from parts of the vectors and from what `dydt` still holds if need be. It is
-    /// called once for every particle, in parts of any size and order, before anything of that particle changes. Collective.
+    /// called once for every particle, in parts of any size and order, before anything of that particle changes. This is
+    /// stage k of `turn` = [k, stages], which are evaluated one after the other with the same arguments: once a particle has its
+    /// slope, the next of them may be made of it at once. Collective.
     fn rhs_of<const K: usize>(
         &mut self,
         t: f64,
         y: &[Self::State],
+        turn: [usize; 2],
         vectors: [&mut [Self::State]; K],
         dydt: &mut [Self::State],
-        make: &(impl Fn(usize, [&mut [Self::State]; K], &mut [Self::State], &mut [Self::State]) + Sync),
+        make: &(impl Fn(usize, usize, [&mut [Self::State]; K], &mut [Self::State], &mut [Self::State]) + Sync),
     ) {
         let mut stage = vec![Self::State::zero(); y.len()];
-        make(0, vectors, &mut stage, dydt);
+        make(turn[0], 0, vectors, &mut stage, dydt);
         self.rhs(t, &stage, dydt);
     }
     /// Power lost in the last right-hand side by rebound and by friction, W; zero where nobody asked for it.

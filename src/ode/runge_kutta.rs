@@ -120,7 +120,8 @@ impl<P: Ivp> Method<P> for RungeKutta {
             let mut new = std::mem::take(vector_at(place, slope, stages));
             let slopes = self.slopes(first, slope, stages);
             let is_result = table.first_same_as_last && s + 1 == table.stages();
-            let make = |start: usize,
+            let make = |_: usize,
+                        start: usize,
                         [next]: [&mut [P::State]; 1],
                         stages: &mut [P::State],
                         old: &mut [P::State]| {
@@ -133,7 +134,7 @@ impl<P: Ivp> Method<P> for RungeKutta {
                     next.copy_from_slice(stages);
                 }
             };
-            ivp.rhs_of(anchor.t + table.c[s] * h, y, [next], &mut new, &make);
+            ivp.rhs_of(anchor.t + table.c[s] * h, y, [0, 1], [next], &mut new, &make);
             *vector_at(place, slope, stages) = new;
             self.losses[s - 1] = ivp.losses();
         }

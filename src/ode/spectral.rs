@@ -95,13 +95,17 @@ impl SpectralRadius {
     ) -> f64 {
         let (small, direction, y) = (ivp.small_length(), &mut anchor.direction, &anchor.y);
         let along = &*direction;
-        let make = |start: usize, []: [&mut [P::State]; 0], stages: &mut [P::State], _: &mut [P::State]| {
+        let make = |_: usize,
+                    start: usize,
+                    []: [&mut [P::State]; 0],
+                    stages: &mut [P::State],
+                    _: &mut [P::State]| {
             for (k, stage) in stages.iter_mut().enumerate() {
                 *stage = y[start + k];
                 stage.add_scaled(small / length, &along[start + k]);
             }
         };
-        ivp.rhs_of(anchor.t, y, [], &mut trial.slope, &make);
+        ivp.rhs_of(anchor.t, y, [0, 1], [], &mut trial.slope, &make);
         let (slope, first) = (&trial.slope, &anchor.slope);
         parallel::for_chunks(direction, GRAIN, |start, chunk| {
             for (k, direction) in chunk.iter_mut().enumerate() {

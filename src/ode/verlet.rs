@@ -32,16 +32,19 @@ impl<P: Ivp> Method<P> for Verlet {
         trial.evaluations = anchor.find_slope(ivp);
         let (y, first) = (&anchor.y, &anchor.slope);
         // New positions with the velocities of the half step, and then those of the whole.
-        let make =
-            |start: usize, [next]: [&mut [P::State]; 1], stages: &mut [P::State], _: &mut [P::State]| {
-                for (k, half) in stages.iter_mut().enumerate() {
-                    *half = y[start + k];
-                    half.kick(0.5 * h, &first[start + k]);
-                    half.drift(h);
-                }
-                next.copy_from_slice(stages);
-            };
-        ivp.rhs_of(anchor.t + h, y, [&mut trial.next], &mut trial.slope, &make);
+        let make = |_: usize,
+                    start: usize,
+                    [next]: [&mut [P::State]; 1],
+                    stages: &mut [P::State],
+                    _: &mut [P::State]| {
+            for (k, half) in stages.iter_mut().enumerate() {
+                *half = y[start + k];
+                half.kick(0.5 * h, &first[start + k]);
+                half.drift(h);
+            }
+            next.copy_from_slice(stages);
+        };
+        ivp.rhs_of(anchor.t + h, y, [0, 1], [&mut trial.next], &mut trial.slope, &make);
         trial.evaluations += 1;
         (trial.slope_known, trial.losses) = (true, ivp.losses());
         add_losses(&mut trial.lost, 0.5 * h, &anchor.losses);
