@@ -69,7 +69,7 @@ pub struct Dynamics<'c, R, T, W> {
     extremes: Extremes,
     /// Of the result of the last trial.
     candidate: Extremes,
-    /// The next stage has been begun together with the last one.
+    /// The next stage has been begun together with the last one, as far as others see it.
     is_open: bool,
     pair_evaluations: u64,
     /// Of all ranks, before this process took the run up.
@@ -381,6 +381,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let forces = &mut self.forces;
         let place = Place { make, stage, origin: &self.origin, start: y };
         let mut waited = Duration::ZERO;
+        debug_assert!(!self.is_open || stage > 0, "stages of a turn come one after the other");
         if !std::mem::take(&mut self.is_open) {
             forces.open(place, again(&mut vectors), dydt);
         }
@@ -490,6 +491,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
     type State = Motion<W>;
 
     fn begin(&mut self) {
+        debug_assert!(!self.is_open, "a turn ends with its last stage");
         self.moved = [0.0; 2];
     }
 

@@ -199,6 +199,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             }
         }
         for (block, site) in lists.blocks.iter().zip(sites) {
+            site.ways = [0.0; 3];
             site.seen.clear();
             site.seen.extend(block.visitors.iter().map(|&i| seen(i as usize)));
         }
@@ -221,7 +222,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Gives every block the same work.
     fn share_out(&mut self) {
-        let loads = self.loads();
+        // A pair across a cut is evaluated on both sides.
+        let loads = self.loads_with(2);
         let blocks = self.shares.len() as u64 - 1;
         let total = loads.iter().sum::<u64>() + (blocks - 1) * HANDOVER;
         let (mut below, mut next) = (0, 1);
@@ -355,10 +357,18 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Work that every owned particle makes in a right-hand side, in units of one of its near pairs.
     pub fn loads(&self) -> Vec<u64> {
+        self.loads_with(1)
+    }
+
+    /// The same where the particle of a block has this part of a pair with a visitor.
+    fn loads_with(&self, across: u64) -> Vec<u64> {
         let mut loads = vec![LOAD; self.owned];
         for block in &self.lists.blocks {
-            for &place in block.near.iter().flatten().filter(|&&place| block.owns(place)) {
-                loads[block.index(place)] += 1;
+            for pair in &block.near {
+                let part = if pair.iter().all(|&place| block.owns(place)) { 1 } else { across };
+                for &place in pair.iter().filter(|&&place| block.owns(place)) {
+                    loads[block.index(place)] += part;
+                }
             }
         }
         loads

@@ -24,7 +24,7 @@ fn of_pages(layout: Layout) -> Layout {
 fn advise(begin: *mut u8, size: usize) {
     #[cfg(target_os = "linux")]
     if !begin.is_null() {
-        // SAFETY: the advice changes neither contents nor validity of these bytes, which are the caller's own.
+        // SAFETY: the advice changes neither contents nor validity of the bytes, nor of those that share their last page.
         let _ = unsafe { rustix::mm::madvise(begin.cast(), size, rustix::mm::Advice::LinuxHugepage) };
     }
 }
@@ -68,7 +68,7 @@ unsafe impl GlobalAlloc for HugePages {
             // SAFETY: as the caller promises.
             return unsafe { System.realloc(begin, layout, size) };
         }
-        // SAFETY: the caller promises a size that is valid for this alignment, the old one is, and both lists are apart.
+        // SAFETY: the caller promises a size that is valid for this alignment, the old one is, and both blocks are apart.
         unsafe {
             let new = self.alloc(Layout::from_size_align_unchecked(size, layout.align()));
             if !new.is_null() {

@@ -152,6 +152,9 @@ pub fn blocks(n: usize, grain: usize) -> usize {
 
 /// Calls `work` for every item, of which there are as many as threads or fewer, in parallel.
 pub fn each<T: Send>(items: &mut [T], work: &(impl Fn(&mut T) + Sync)) {
+    if items.is_empty() {
+        return;
+    }
     let alone = |_, item: &mut [T]| item.iter_mut().for_each(work);
     in_parts(0..items.len(), &|k| k, items, &alone, &|(), ()| ());
 }

@@ -100,7 +100,8 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
         }
     }
 
-    /// Brings those particles that others see to their stage, and shows them in the window; `rows` belong to those at both ends.
+    /// Brings the particles at both ends, up to the last that others see, to their stage, and shows those that are seen in the
+    /// window; the rows belong to the two ends.
     fn show<W: Spin, C: Cut>(
         &self,
         place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
@@ -244,7 +245,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     }
 
     /// Ends a right-hand side: brings the bodies that are left into place, adds pairs, and leaves accelerations in the slopes,
-    /// eqs. (2.13)-(2.15). Ghosts are in place. Where `goes_on` it opens the next stage as well, with the same `place` and items.
+    /// eqs. (2.13)-(2.15). Ghosts are in place. Where `goes_on` it opens the next stage of the same `place` and items as well, and
+    /// slopes of particles at both ends are begun anew.
     /// Returns how many pairs are within `l_max` and have the earlier of their
     /// particles here, so that over all ranks every pair is counted once, and the largest squared distances of the owned
     /// bodies from where the lists were built and from where the step began, m^2.

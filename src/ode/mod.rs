@@ -74,8 +74,9 @@ pub trait Ivp {
     /// `rhs` at a stage of a step from `y` that is made on the way: `make(k, first, vectors, stage, dydt)` puts stage k of the
     /// particles from `first` on into `stage`, from parts of the vectors and from what `dydt` still holds if need be. It is
     /// called once for every particle, in parts of any size and order, before anything of that particle changes. This is
-    /// stage k of `turn` = [k, stages], which are evaluated one after the other with the same arguments: once a particle has its
-    /// slope, the next of them may be made of it at once. Collective.
+    /// stage k of `turn` = [k, stages], which are evaluated one after the other with the same arguments but for the time: once
+    /// the slope of a particle has been found, the next of them may be made of it at once, and then `dydt` holds what that leaves
+    /// there. [0, 1] is a stage that stands alone. Collective.
     fn rhs_of<const K: usize>(
         &mut self,
         t: f64,

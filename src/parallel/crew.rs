@@ -1,7 +1,11 @@
 //! Threads at posts. A thread that is awake between two parallel loops looks at a post of its own, where work is handed over
 //! by plain stores, in a fraction of a microsecond; and part k of a loop always goes to post k, in whose caches its particles
-//! are. No instruction on the way waits until other stores are seen everywhere: what a thread shows to others at the end of
-//! a loop travels while the next one begins.
+//! are. Whoever leaves work does not wait until his other stores are seen everywhere: what he shows to others at the end of a
+//! loop travels while the next one begins.
+//!
+//! At any time the posts at which a thread may leave work are its own alone: it hands some on with a part, and has them
+//! back once that part is over, or taken back. So nobody else leaves anything meanwhile, and whatever has been left before
+//! is over.
 
 // Work lies on the stack of the thread that hands it over, and has a type that the one at the post does not know. It stays
 // there until it has been done, or taken back: `End`, below, sees to it.
@@ -12,7 +16,7 @@ use std::cell::{Cell, UnsafeCell};
 use std::hint::spin_loop;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::ptr;
-use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU8, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
@@ -62,7 +66,7 @@ struct Apart<T>(T);
 /// Where one thread looks out for work. At any time one other thread may leave some.
 struct Post {
     /// How many tasks have been left, for whoever leaves them.
-    left: Apart<AtomicU32>,
+    left: Apart<AtomicU64>,
     order: Apart<Order>,
     news: Apart<News>,
 }
@@ -70,16 +74,16 @@ struct Post {
 /// What the thread at the post looks at.
 struct Order {
     /// How many tasks have been left. Stored last.
-    number: AtomicU32,
+    number: AtomicU64,
     /// The number of the last that somebody took up: whoever changes this does it.
-    taken: AtomicU32,
+    taken: AtomicU64,
     task: AtomicPtr<Task>,
 }
 
 /// What it tells.
 struct News {
     /// The number of the last task that is over.
-    done: AtomicU32,
+    done: AtomicU64,
     presence: AtomicU8,
 }
 
@@ -91,22 +95,24 @@ impl Post {
     /// Nobody is there.
     fn new() -> Self {
         let order = Order {
-            number: AtomicU32::new(0),
-            taken: AtomicU32::new(0),
+            number: AtomicU64::new(0),
+            taken: AtomicU64::new(0),
             task: AtomicPtr::new(ptr::null_mut()),
         };
-        let news = News { done: AtomicU32::new(0), presence: AtomicU8::new(ABSENT) };
-        Post { left: Apart(AtomicU32::new(0)), order: Apart(order), news: Apart(news) }
+        let news = News { done: AtomicU64::new(0), presence: AtomicU8::new(ABSENT) };
+        Post { left: Apart(AtomicU64::new(0)), order: Apart(order), news: Apart(news) }
     }
 
-    /// Leaves a task, unless nobody is there, or at something else. Returns its number, and whether somebody must be woken.
-    fn leave(&self, task: *const Task) -> Option<(u32, bool)> {
+    /// Leaves a task, unless nobody is there. Returns its number, and whether somebody seems to sleep. A thread that falls asleep
+    /// at this moment may go unseen, as may one that is at some work of rayon's: the task is then taken back.
+    fn leave(&self, task: *const Task) -> Option<(u64, bool)> {
         let left = self.left.0.load(Ordering::Relaxed);
         let presence = self.news.0.presence.load(Ordering::Relaxed);
-        if presence == ABSENT || self.news.0.done.load(Ordering::Relaxed) != left {
+        if presence == ABSENT {
             return None;
         }
-        let number = left.wrapping_add(1);
+        debug_assert_eq!(self.news.0.done.load(Ordering::Relaxed), left, "one task at a time");
+        let number = left + 1;
         self.left.0.store(number, Ordering::Relaxed);
         self.order.0.task.store(task.cast_mut(), Ordering::Relaxed);
         self.order.0.number.store(number, Ordering::Release);
@@ -114,17 +120,17 @@ impl Post {
     }
 
     /// Whether this thread is to do the task of this number.
-    fn take(&self, number: u32) -> bool {
+    fn take(&self, number: u64) -> bool {
         let taken = &self.order.0.taken;
-        taken.compare_exchange(number.wrapping_sub(1), number, Ordering::AcqRel, Ordering::Acquire).is_ok()
+        taken.compare_exchange(number - 1, number, Ordering::AcqRel, Ordering::Acquire).is_ok()
     }
 
-    fn end(&self, number: u32) {
+    fn end(&self, number: u64) {
         self.news.0.done.store(number, Ordering::Release);
     }
 
     /// Takes the task of this number back, or waits until it is over. Returns whether it is this thread's again.
-    fn call_in(&self, number: u32) -> bool {
+    fn call_in(&self, number: u64) -> bool {
         let done = || self.news.0.done.load(Ordering::Acquire) == number;
         if done() {
             return false;
@@ -180,18 +186,20 @@ impl Drop for Using {
 }
 
 /// Does `work` while the other threads of the pool are at their posts, and stay awake for a while each time. To be called
-/// where the ranks of this machine have a core for every thread: on shared cores they would take time from others.
+/// where the ranks of this machine have a core for every thread: on shared cores they would take time from others. Within
+/// it there is none but this one.
 pub fn attended<A>(work: impl FnOnce() -> A) -> A {
     /// Ends the attendance, also where `work` panics.
     struct End<'a>(&'a Crew);
     impl Drop for End<'_> {
         fn drop(&mut self) {
             self.0.over.store(true, Ordering::Release);
-            self.0.wake_all();
+            self.0.wake(&self.0.posts);
         }
     }
     let threads = rayon::current_num_threads();
-    let Some(home) = rayon::current_thread_index().filter(|_| threads > 1) else {
+    let home = rayon::current_thread_index().filter(|_| threads > 1 && !is_attended());
+    let Some(home) = home else {
         return work();
     };
     let posts = (0..threads).map(|_| Post::new()).collect();
@@ -223,7 +231,8 @@ impl Crew {
                 last = number;
                 if self.posts[post].take(number) {
                     let task = order.task.load(Ordering::Relaxed);
-                    // SAFETY: this thread has taken it up: it is where it was, and nobody else touches it, until it is over.
+                    // SAFETY: this thread has taken it up: it is where it was, and nobody else touches it, until it is over. All
+                    // of it was stored before its number.
                     unsafe {
                         let _using = Using::posts(self, (*task).posts);
                         ((*task).run)(task);
@@ -242,11 +251,11 @@ impl Crew {
     }
 
     /// Sleeps until there is work at the post after that with the number `last`, or a call.
-    fn rest(&self, post: &Post, last: u32) {
+    fn rest(&self, post: &Post, last: u64) {
         let Post { order: Apart(order), news: Apart(news), .. } = post;
         let mut sleep = self.sleep.lock().expect("nothing panics with the lock");
-        news.presence.store(RESTING, Ordering::SeqCst);
-        while order.number.load(Ordering::SeqCst) == last
+        news.presence.store(RESTING, Ordering::Relaxed);
+        while order.number.load(Ordering::Acquire) == last
             && news.presence.load(Ordering::Relaxed) == RESTING
             && !self.over.load(Ordering::Acquire)
         {
@@ -255,9 +264,15 @@ impl Crew {
         news.presence.store(AWAKE, Ordering::Release);
     }
 
-    /// Wakes all that sleep, to see whether it was for them.
-    fn wake_all(&self) {
-        drop(self.sleep.lock().expect("nothing panics with the lock"));
+    /// Wakes those that sleep at some posts. They are awake from now on for whoever leaves work there.
+    fn wake<'p>(&self, posts: impl IntoIterator<Item = &'p Post>) {
+        let sleep = self.sleep.lock().expect("nothing panics with the lock");
+        for Post { news: Apart(news), .. } in posts {
+            if news.presence.load(Ordering::Relaxed) == RESTING {
+                news.presence.store(AWAKE, Ordering::Relaxed);
+            }
+        }
+        drop(sleep);
         self.wake.notify_all();
     }
 
@@ -269,7 +284,7 @@ impl Crew {
         b: impl FnOnce() -> B + Send,
     ) -> (A, B) {
         /// Sees to it that nobody touches an errand any more before it is dropped. Returns whether it is still to be done.
-        struct End<'a>(&'a Post, Option<u32>);
+        struct End<'a>(&'a Post, Option<u64>);
         impl End<'_> {
             fn call_in(&mut self) -> bool {
                 self.1.take().is_none_or(|number| self.0.call_in(number))
@@ -286,7 +301,7 @@ impl Crew {
         let left = post.leave(task);
         let mut away = End(post, left.map(|(number, _)| number));
         if left.is_some_and(|(_, rests)| rests) {
-            self.wake_all();
+            self.wake([post]);
         }
         let a = {
             let _using = Using::posts(self, [first, k]);
@@ -333,7 +348,7 @@ pub fn join<A: Send, B: Send>(
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
     let Membership { crew, posts: [first, end] } = MEMBERSHIP.get();
-    // SAFETY: a crew lives longer than the memberships: `attended` waits for its threads.
+    // SAFETY: a crew lives longer than the memberships: `attended` waits for its threads, and gives up its own before.
     match unsafe { crew.as_ref() } {
         Some(crew) if first < k && k < end => crew.join([first, k, end], a, b),
         Some(_) => (a(), b()),
@@ -350,13 +365,6 @@ pub fn is_attended() -> bool {
 pub fn wake() {
     // SAFETY: as in `join`.
     if let Some(crew) = unsafe { MEMBERSHIP.get().crew.as_ref() } {
-        let sleep = crew.sleep.lock().expect("nothing panics with the lock");
-        for Post { news: Apart(news), .. } in &crew.posts {
-            if news.presence.load(Ordering::Relaxed) == RESTING {
-                news.presence.store(AWAKE, Ordering::Relaxed);
-            }
-        }
-        drop(sleep);
-        crew.wake.notify_all();
+        crew.wake(&crew.posts);
     }
 }
