@@ -63,7 +63,8 @@ pub struct Dynamics<'c, R, T, W> {
     ids: Vec<u64>,
     /// Where the owned particles were when the lists were built, m.
     origin: Vec<Vec3>,
-    /// Largest squared distance of any stage so far from `origin`, and from the start of the trial step, m^2.
+    /// Largest squared distance of any stage so far from `origin`, as far as that may be too far, and from the start of the trial
+    /// step, m^2.
     moved: [f64; 2],
     /// Of the accepted state.
     extremes: Extremes,
@@ -378,8 +379,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     ) {
         fail_point!("rhs");
         let begun = Instant::now();
+        let free = self.free_path().powi(2);
         let forces = &mut self.forces;
-        let place = Place { make, stage, origin: &self.origin, start: y };
+        let place = Place { make, stage, origin: &self.origin, free, start: y };
         let mut waited = Duration::ZERO;
         debug_assert!(!self.is_open || stage > 0, "stages of a turn come one after the other");
         if !std::mem::take(&mut self.is_open) {
@@ -493,6 +495,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
     fn begin(&mut self) {
         debug_assert!(!self.is_open, "a turn ends with its last stage");
         self.moved = [0.0; 2];
+        self.forces.begin();
     }
 
     fn rhs(&mut self, t: f64, y: &[Motion<W>], dydt: &mut [Motion<W>]) {
@@ -503,6 +506,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
                     _: &mut [Motion<W>]| {
             bodies.copy_from_slice(&y[first..first + bodies.len()]);
         };
+        // It may be at any state.
+        self.forces.begin();
         self.evaluate(t, y, [0, 1], [], dydt, &make);
     }
 

@@ -200,6 +200,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         }
         for (block, site) in lists.blocks.iter().zip(sites) {
             site.ways = [0.0; 3];
+            site.begin();
             site.seen.clear();
             site.seen.extend(block.visitors.iter().map(|&i| seen(i as usize)));
         }

@@ -4,16 +4,15 @@
 //! Particles that other threads and ranks must see come first, so that they travel while the next ones are made. None of
 //! this changes the order in which a particle sums.
 
-use super::site::{Site, allowed, furthest};
+use super::site::{Site, allowed, distance_squared, furthest};
 use super::{Forces, Seat, Setting, Windowed, each_block};
 use crate::contact::{Law, Rebound, Tangential};
-use crate::elementary::Separate;
 use crate::instructions::InstructionSet;
 use crate::kernel::{self, Sweep};
 use crate::neighbors::{BATCH, Block};
 use crate::ode::larger;
 use crate::parallel::Cut;
-use crate::particle::{Motion, Spin, Vec3, dot, minus};
+use crate::particle::{Motion, Spin, Vec3};
 use fail::fail_point;
 use std::ops::Range;
 
@@ -36,7 +35,9 @@ pub struct Place<'a, F, W> {
     pub stage: usize,
     /// Where particles were when the lists were built, m.
     pub origin: &'a [Vec3],
-    /// Bodies when the step began.
+    /// How far from there they may be, squared, m^2.
+    pub free: f64,
+    /// Bodies when the step began: the same since `Forces::begin`.
     pub start: &'a [Motion<W>],
 }
 
@@ -77,25 +78,23 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
             let (bodies, picked) = (&mut site.bodies[chunk.clone()], &site.picked[chunk.clone()]);
             let own = block.range.start + chunk.start..block.range.start + chunk.end;
             (place.make)(place.stage, own.start, items, bodies, slopes);
-            let from = place.origin[own.clone()].iter().zip(&place.start[own]).zip(picked);
-            let (mut far, mut sum) = ([0.0; 3], 0.0);
-            for ((body, slope), ((origin, start), picked)) in bodies.iter().zip(&mut *slopes).zip(from) {
-                let ways = [origin, &start.x, picked].map(|from| {
-                    let way = minus(&body.x, from);
-                    dot::<Separate>(&way, &way)
-                });
-                for (far, way) in far.iter_mut().zip(ways) {
-                    *far = if way > *far { way } else { *far };
-                }
-                sum += ways[0] + ways[2];
+            let starts = &place.start[own.clone()];
+            let (mut way, mut sum) = (0.0, 0.0);
+            for ((body, slope), start) in bodies.iter().zip(&mut *slopes).zip(starts) {
+                let apart = distance_squared(&body.x, &start.x);
+                way = if apart > way { apart } else { way };
+                sum += apart;
                 clear(slope, body);
             }
-            // A body that is nowhere, or was when near pairs were picked, is far from everything, although not further.
+            // A body that is nowhere is far from everything, although not further.
             if sum.is_nan() {
-                far = [f64::INFINITY; 3];
+                way = f64::INFINITY;
             }
-            site.ways = furthest(site.ways, far);
-            self.add_walls(far[2] <= allowed, (block, site), chunk.clone(), slopes);
+            let ends = (&*bodies, starts);
+            let from_origin = site.from_origin.furthest(&place.origin[own], ends, way, place.free);
+            let strayed = site.from_picked.furthest(picked, ends, way, allowed);
+            site.ways = furthest(site.ways, [from_origin, way, strayed]);
+            self.add_walls(strayed <= allowed, (block, site), chunk.clone(), slopes);
             first = chunk.end;
         }
     }
@@ -200,6 +199,11 @@ impl Pairs {
 }
 
 impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
+    /// A step begins: from a `Place::start` that no right-hand side so far had.
+    pub fn begin(&mut self) {
+        self.sites.iter_mut().for_each(Site::begin);
+    }
+
     /// Begins a right-hand side: brings those bodies that others see to the stage that `place` makes. `items` belong to the
     /// owned particles. Needs no ghosts.
     pub fn open<C: Cut>(
@@ -249,7 +253,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// slopes of particles at both ends are begun anew.
     /// Returns how many pairs are within `l_max` and have the earlier of their
     /// particles here, so that over all ranks every pair is counted once, and the largest squared distances of the owned
-    /// bodies from where the lists were built and from where the step began, m^2.
+    /// bodies from where the lists were built, as far as they may exceed `free`, and from where the step began, m^2.
     pub fn close<C: Cut>(
         &mut self,
         place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
@@ -290,7 +294,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
                 field.advance(place, (block, site), part.clone(), (&mut slopes[part.clone()], these));
                 placed = part.end;
             }
-            let [from_origin, from_start, strayed] = std::mem::take(&mut site.ways);
+            let [from_origin, from_start, strayed] = site.end_stage();
             if strayed > allowed {
                 site.pick_near(block, law, &setting.walls);
                 field.begin_again((block, site), slopes);

@@ -4,10 +4,11 @@
 use super::INNER_SKIN;
 use crate::contact::Law;
 use crate::container::Wall;
+use crate::elementary::Separate;
 use crate::kernel::Batch;
 use crate::neighbors::Block;
 use crate::ode::larger;
-use crate::particle::{Motion, Spin, Vec3};
+use crate::particle::{Motion, Spin, Vec3, dot, minus};
 
 /// Where a body is to be seen: the window, and the place in it. Ghosts have the window after the last.
 pub type Seen = [u32; 2];
@@ -21,12 +22,67 @@ pub fn furthest(a: Ways, b: Ways) -> Ways {
     std::array::from_fn(|k| larger(a[k], b[k]))
 }
 
+/// |a - b|^2
+#[inline(always)]
+pub fn distance_squared(a: &Vec3, b: &Vec3) -> f64 {
+    let way = minus(a, b);
+    dot::<Separate>(&way, &way)
+}
+
+/// How far own bodies are from places that were noted once. Once it is known how far they were where the step began, the way
+/// since then mostly tells that they are near enough, and the places need not be read.
+#[derive(Debug, Clone, Copy)]
+pub struct Offset {
+    /// Largest distance where the step began, m; infinite while it is not known.
+    known: f64,
+    /// Its square as far as it has been measured in the stage at hand, m^2.
+    measured: f64,
+}
+
+impl Offset {
+    const UNKNOWN: Offset = Offset { known: f64::INFINITY, measured: 0.0 };
+
+    /// Largest squared distance (m^2) of some bodies from their `places`, or 0 if that is not beyond the `limit` (m^2).
+    /// The bodies have the given `starts`, and the largest squared distance `way` (m^2) from those.
+    pub fn furthest<W: Spin>(
+        &mut self,
+        places: &[Vec3],
+        (bodies, starts): (&[Motion<W>], &[Motion<W>]),
+        way: f64,
+        limit: f64,
+    ) -> f64 {
+        // More than rounding can make of it.
+        const MARGIN: f64 = 1.0 + 1e-12;
+        if (self.known + way.sqrt()).powi(2) * MARGIN <= limit {
+            return 0.0;
+        }
+        let mut far = 0.0;
+        for ((place, body), start) in places.iter().zip(bodies).zip(starts) {
+            far = larger(far, distance_squared(&body.x, place));
+            self.measured = larger(self.measured, distance_squared(&start.x, place));
+        }
+        far
+    }
+
+    /// All bodies have come by.
+    fn end_stage(&mut self) {
+        if self.known == f64::INFINITY {
+            self.known = self.measured.sqrt();
+        }
+        self.measured = 0.0;
+    }
+}
+
 /// Bodies of a block, and what its thread needs besides.
 pub struct Site<W> {
     /// By place: in the evaluation at hand, as far as they are in place.
     pub bodies: Vec<Motion<W>>,
     /// Where they were when the near pairs were picked, m.
     pub picked: Vec<Vec3>,
+    /// How far own bodies are from there.
+    pub from_picked: Offset,
+    /// The same from where the lists were built.
+    pub from_origin: Offset,
     /// Where the visitors are to be seen.
     pub seen: Vec<Seen>,
     /// How far bodies have moved in the right-hand side at hand.
@@ -40,6 +96,8 @@ impl<W> Default for Site<W> {
         Site {
             bodies: Vec::new(),
             picked: Vec::new(),
+            from_picked: Offset::UNKNOWN,
+            from_origin: Offset::UNKNOWN,
             seen: Vec::new(),
             ways: [0.0; 3],
             batch: Batch::default(),
@@ -61,6 +119,18 @@ impl<W: Spin> Site<W> {
         clear_for(&mut self.picked, count);
         self.bodies.extend_from_slice(&bodies[block.range.clone()]);
         self.bodies.extend(visitors);
+    }
+
+    /// A step begins, from other bodies than before.
+    pub fn begin(&mut self) {
+        (self.from_picked, self.from_origin) = (Offset::UNKNOWN, Offset::UNKNOWN);
+    }
+
+    /// All own bodies have come to their stage. Returns how far they have moved.
+    pub fn end_stage(&mut self) -> Ways {
+        self.from_picked.end_stage();
+        self.from_origin.end_stage();
+        std::mem::take(&mut self.ways)
     }
 
     /// Shows in the `window` what others see of the block.
@@ -87,7 +157,7 @@ impl<W: Spin> Site<W> {
         self.picked.clear();
         self.picked.extend(self.bodies.iter().map(|body| body.x));
         block.pick_near(&self.bodies, reach, (walls, wall_reach));
-        self.ways[2] = 0.0;
+        (self.ways[2], self.from_picked) = (0.0, Offset::UNKNOWN);
     }
 
     /// Picks them afresh if a body in place has strayed too far from where they were picked.
