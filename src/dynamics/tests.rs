@@ -200,13 +200,26 @@ fn after_a_move(comm: &dyn Comm, bodies: &[Body], way: &dyn Fn(u64) -> f64) -> (
     assert_eq!(dynamics.forces.lists.blocks.len(), rayon::current_num_threads());
     // Slabs lie across the length of the bed.
     assert!(comm.size() == 1 || dynamics.slabs.axis() == 0);
+    let start = y.clone();
     for (body, &id) in y.iter_mut().zip(dynamics.ids()) {
         body.x.y += way(id);
     }
+    // As the second stage of a step from where they were, begun with the end of the first; and as a state of its own.
+    dynamics.begin();
+    let mut second = y.clone();
+    for stage in [0, 1] {
+        let stages = [&start, &y];
+        let make = |k: usize, first: usize, []: [&mut [Body]; 0], bodies: &mut [Body], _: &mut [Body]| {
+            bodies.copy_from_slice(&stages[k][first..first + bodies.len()]);
+        };
+        dynamics.rhs_of(0.0, &start, [stage, 2], [], &mut second, &make);
+    }
+    let pairs = dynamics.own_pairs();
     dynamics.begin();
     let mut slope = y.clone();
     dynamics.rhs(0.0, &y, &mut slope);
-    (dynamics.ids().iter().copied().zip(slope).collect(), dynamics.own_pairs())
+    assert_eq!(slope, second);
+    (dynamics.ids().iter().copied().zip(slope).collect(), dynamics.own_pairs() - pairs)
 }
 
 /// The same by id, from so many ranks of so many threads.

@@ -185,3 +185,55 @@ pub fn clear_for<T>(vector: &mut Vec<T>, count: usize) {
     }
     vector.clear();
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particle::Locked;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+
+        #[test]
+        fn whoever_is_too_far_is_found_in_any_stage(
+            places in proptest::collection::vec(proptest::array::uniform3(-1.0..1.0f64), 1..20),
+            stages in proptest::collection::vec(proptest::array::uniform3(-0.3..0.3f64), 1..5),
+            moved in proptest::array::uniform3(-0.3..0.3f64),
+        ) {
+            let limit = 0.1;
+            let body = |x: Vec3| Motion { x, v: Vec3::zeros(), omega: Locked };
+            let places: Vec<Vec3> = places.into_iter().map(Vec3::from).collect();
+            // Where the step began they were not where they were noted, and none is moved like the others.
+            let moved_by = |k: usize, way: [f64; 3]| Vec3::from(way) / (k + 1) as f64;
+            let all = |way: &dyn Fn(usize) -> Vec3| -> Vec<_> {
+                places.iter().enumerate().map(|(k, place)| body(place + way(k))).collect()
+            };
+            let starts = all(&|k| moved_by(k, moved));
+            let mut offset = Offset::UNKNOWN;
+            for stage in stages {
+                let bodies = all(&|k| moved_by(k, moved) + moved_by(k, stage));
+                let furthest = |from: &[Vec3]| {
+                    bodies.iter().zip(from).map(|(body, from)| distance_squared(&body.x, from)).fold(0.0, larger)
+                };
+                let way = furthest(&starts.iter().map(|start| start.x).collect::<Vec<_>>());
+                let (found, exact) = (offset.furthest(&places, (&bodies, &starts), way, limit), furthest(&places));
+                prop_assert!(found == exact || found == 0.0 && exact <= limit);
+                offset.end_stage();
+            }
+            let far = places.iter().zip(&starts).map(|(place, start)| distance_squared(&start.x, place));
+            prop_assert_eq!(offset.known, far.fold(0.0, larger).sqrt());
+        }
+
+        #[test]
+        fn a_body_that_is_nowhere_is_too_far(known in 0.0..1.0f64) {
+            let nowhere = Motion { x: Vec3::repeat(f64::NAN), v: Vec3::zeros(), omega: Locked };
+            let place = [Vec3::zeros()];
+            for mut offset in [Offset { known, measured: 0.0 }, Offset::UNKNOWN] {
+                let found = offset.furthest(&place, (&[nowhere], &[nowhere]), f64::INFINITY, 0.1);
+                prop_assert_eq!(found, f64::INFINITY);
+            }
+        }
+    }
+}
