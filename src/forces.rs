@@ -50,7 +50,7 @@ pub enum Broken {
 /// Work of a particle without pairs (stages, copies, walls), in units of half a pair; docs/performance.md has the costs.
 const LOAD: u64 = 4;
 
-/// What handing its work over to another thread costs every block but the first, in the same units: 2 us.
+/// What handing its work over to another thread costs every block but the last, in the same units: 2 us.
 const HANDOVER: u64 = 360;
 
 /// A block may have this many times its fair share of the work before blocks are cut anew.
@@ -214,8 +214,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// The largest work of a block over the mean of all.
     fn imbalance(&self) -> f64 {
+        let count = self.lists.blocks.len();
         let loads = self.lists.blocks.iter().enumerate().map(|(b, block)| {
-            HANDOVER * u64::from(b > 0) + LOAD * block.range.len() as u64 + 2 * block.near.len() as u64
+            HANDOVER * u64::from(b + 1 < count)
+                + LOAD * block.range.len() as u64
+                + 2 * block.near.len() as u64
         });
         let (sum, most) = loads.fold((0, 0), |(sum, most), load| (sum + load, load.max(most)));
         (most * self.lists.blocks.len() as u64) as f64 / sum as f64
@@ -229,7 +232,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         let total = loads.iter().sum::<u64>() + (blocks - 1) * HANDOVER;
         let (mut below, mut next) = (0, 1);
         for (i, load) in loads.iter().enumerate() {
-            while next < blocks && (below + (next - 1) * HANDOVER) * blocks >= next * total {
+            while next < blocks && (below + next * HANDOVER) * blocks >= next * total {
                 self.shares[next as usize] = i as f64 / self.owned as f64;
                 next += 1;
             }

@@ -80,13 +80,14 @@ pub fn parts<C: Cut, A: Send>(
         return work(0, items);
     }
     let count = blocks(n, (grain / 2).max(1));
-    in_parts(0..count, &|k| n * k / count, items, work, fold)
+    in_parts(0..count, count, &|k| n * k / count, items, work, fold)
 }
 
-/// Calls `work(bound(k), part)` for the parts k in `which` of `items`, each by a thread, and folds what the calls return;
-/// part k ends where part k + 1 begins.
+/// Calls `work(bound(k), part)` for the parts k in `which`, of `count` in all, of `items`, each by a thread, and folds what the
+/// calls return; part k ends where part k + 1 begins.
 fn in_parts<C: Cut, A: Send>(
     which: Range<usize>,
+    count: usize,
     bound: &(impl Fn(usize) -> usize + Sync),
     items: C,
     work: &(impl Fn(usize, C) -> A + Sync),
@@ -98,10 +99,10 @@ fn in_parts<C: Cut, A: Send>(
     }
     let middle = which.start.midpoint(which.end);
     let (a, b) = items.cut(bound(middle) - first);
-    let (a, b) = join(
-        middle,
-        || in_parts(which.start..middle, bound, a, work, fold),
-        || in_parts(middle..which.end, bound, b, work, fold),
+    let (b, a) = join(
+        count - middle,
+        || in_parts(middle..which.end, count, bound, b, work, fold),
+        || in_parts(which.start..middle, count, bound, a, work, fold),
     );
     fold(a, b)
 }
@@ -156,7 +157,7 @@ pub fn each<T: Send>(items: &mut [T], work: &(impl Fn(&mut T) + Sync)) {
         return;
     }
     let alone = |_, item: &mut [T]| item.iter_mut().for_each(work);
-    in_parts(0..items.len(), &|k| k, items, &alone, &|(), ()| ());
+    in_parts(0..items.len(), items.len(), &|k| k, items, &alone, &|(), ()| ());
 }
 
 /// `value(i)` for i in 0..n.

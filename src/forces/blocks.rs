@@ -12,12 +12,13 @@ pub fn each_block<B: Cut, C: Cut, A: Send>(
     work: &(impl Fn(B, C) -> A + Sync),
     combine: &(impl Fn(A, A) -> A + Sync),
 ) -> A {
-    each_from(0, bounds, own, items, work, combine)
+    each_from(0, bounds.len() - 1, bounds, own, items, work, combine)
 }
 
-/// `each_block` from block `first` on.
+/// `each_block` from block `first` on, of `count` in all.
 fn each_from<B: Cut, C: Cut, A: Send>(
     first: usize,
+    count: usize,
     bounds: &[usize],
     own: B,
     items: C,
@@ -29,10 +30,11 @@ fn each_from<B: Cut, C: Cut, A: Send>(
     }
     let half = bounds.len() / 2;
     let (own, items) = (own.cut(half), items.cut(bounds[half] - bounds[0]));
-    let (a, b) = parallel::join(
-        first + half,
-        || each_from(first, &bounds[..=half], own.0, items.0, work, combine),
-        || each_from(first + half, &bounds[half..], own.1, items.1, work, combine),
+    let middle = first + half;
+    let (b, a) = parallel::join(
+        count - middle,
+        || each_from(middle, count, &bounds[half..], own.1, items.1, work, combine),
+        || each_from(first, count, &bounds[..=half], own.0, items.0, work, combine),
     );
     combine(a, b)
 }

@@ -1,6 +1,6 @@
 //! Threads at posts. A thread that is awake between two parallel loops looks at a post of its own, where work is handed over
-//! by plain stores, in a fraction of a microsecond; and part k of a loop always goes to post k, in whose caches its particles
-//! are. Whoever leaves work does not wait until his other stores are seen everywhere: what he shows to others at the end of a
+//! by plain stores, in a fraction of a microsecond; and a part of a loop always goes to the same post, in whose caches its
+//! particles are: the last part to post 0, the one before to post 1, and so on. Whoever leaves work does not wait until his other stores are seen everywhere: what he shows to others at the end of a
 //! loop travels while the next one begins.
 //!
 //! At any time the posts at which a thread may leave work are its own alone: it hands some on with a part, and has them
@@ -151,7 +151,7 @@ impl Post {
 
 /// All threads of a pool, during `attended`.
 struct Crew {
-    /// The first is nobody's: part 0 of a loop is done by who hands out the others.
+    /// The first is nobody's: the last part of a loop is done by who hands out the others.
     posts: Vec<Post>,
     over: AtomicBool,
     /// Sleepers look at their posts with the lock.
@@ -341,7 +341,7 @@ impl Watch {
     }
 }
 
-/// Does `a` and `b`, the latter, of which part `k` of a loop is the first, by another thread if one is free.
+/// Does `a` and `b`, the latter, whose last part belongs to post `k`, by another thread if one is free.
 pub fn join<A: Send, B: Send>(
     k: usize,
     a: impl FnOnce() -> A + Send,
