@@ -248,7 +248,7 @@ fn slopes_of_a_long_bed_are_the_sums_of_its_contacts_by_any_ranks_and_threads() 
     // on, or only those that come last, when most pairs have been evaluated with what was picked before.
     let bodies = bed(3000);
     let ways: [&(dyn Fn(u64) -> f64 + Sync); 3] =
-        [&|_| 0.0, &|id| 0.012 * (id % 3) as f64, &|id| if id > 2900 { 0.02 } else { 0.0 }];
+        [&|_| 0.0, &|id| 0.029 * ((id % 3) as f64 - 1.0), &|id| if id > 2900 { 0.029 } else { 0.0 }];
     for way in ways {
         let alone = by_ranks_and_threads(&bodies, way, 1, 1);
         let moved: Vec<Body> = (0u64..)
