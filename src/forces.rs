@@ -22,7 +22,7 @@ mod site;
 /// How far beyond the cut-off near pairs are picked, as a share of the radius.
 const INNER_SKIN: f64 = 0.1;
 
-/// Particles below which a block of its own is not worth a thread that looks out for work, and one that must be woken.
+/// Particles below which a block of its own is not worth a thread at its post, and one that must be woken.
 const BLOCK: [usize; 2] = [64, 512];
 
 /// What the equations of motion need besides the contact law.
@@ -117,6 +117,7 @@ pub struct Forces<R, T, W> {
     windows: [Vec<Vec<Motion<W>>>; 2],
     /// Which of the two belongs to the stage at hand.
     shown: usize,
+    /// The ghosts.
     ghosts: Vec<Motion<W>>,
     /// Where the particles that are sent to other ranks are to be seen.
     sent: Vec<Seen>,

@@ -250,9 +250,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Ends a right-hand side: brings the bodies that are left into place, adds pairs, and leaves accelerations in the slopes,
     /// eqs. (2.13)-(2.15). Ghosts are in place. Where `goes_on` it opens the next stage of the same `place` and items as well, and
-    /// slopes of particles at both ends are begun anew.
-    /// Returns how many pairs are within `l_max` and have the earlier of their
-    /// particles here, so that over all ranks every pair is counted once, and the largest squared distances of the owned
+    /// slopes of particles at both ends are begun anew. Returns how many pairs are within `l_max` and have the earlier of
+    /// their particles here, so that over all ranks every pair is counted once, and the largest squared distances of the owned
     /// bodies from where the lists were built, as far as they may exceed `free`, and from where the step began, m^2.
     pub fn close<C: Cut>(
         &mut self,

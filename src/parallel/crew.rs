@@ -1,7 +1,8 @@
 //! Threads at posts. A thread that is awake between two parallel loops looks at a post of its own, where work is handed over
 //! by plain stores, in a fraction of a microsecond; and a part of a loop always goes to the same post, in whose caches its
-//! particles are: the last part to post 0, the one before to post 1, and so on. Whoever leaves work does not wait until his other stores are seen everywhere: what he shows to others at the end of a
-//! loop travels while the next one begins.
+//! particles are: the one before the last to post 1, and so on; the last stays with whoever hands them out. He does not
+//! wait until his other stores are seen everywhere: what he shows to others at the end of a loop travels while the next one
+//! begins.
 //!
 //! At any time the posts at which a thread may leave work are its own alone: it hands some on with a part, and has them
 //! back once that part is over, or taken back. So nobody else leaves anything meanwhile, and whatever has been left before
@@ -33,6 +34,7 @@ struct Task {
     posts: [usize; 2],
 }
 
+/// A task with its work and its result. The task comes first: whoever has a pointer to that has one to all of it.
 #[repr(C)]
 struct Errand<F, R> {
     task: Task,
@@ -63,7 +65,7 @@ impl<F: FnOnce() -> R, R> Errand<F, R> {
 #[repr(align(128))]
 struct Apart<T>(T);
 
-/// Where one thread looks out for work. At any time one other thread may leave some.
+/// Where one thread looks out for work. At any time one other thread at most may leave some.
 struct Post {
     /// How many tasks have been left, for whoever leaves them.
     left: Apart<AtomicU64>,
