@@ -42,7 +42,7 @@ pub struct Offset {
 impl Offset {
     const UNKNOWN: Offset = Offset { known: f64::INFINITY, measured: 0.0 };
 
-    /// Largest squared distance (m^2) of some bodies from their `places`, or 0 if that is not beyond the `limit` (m^2).
+    /// Largest squared distance (m^2) of some bodies from their `places`, or 0 where that is certainly not beyond the `limit` (m^2).
     /// The bodies have the given `starts`, and the largest squared distance `way` (m^2) from those.
     pub fn furthest<W: Spin>(
         &mut self,

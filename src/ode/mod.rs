@@ -67,7 +67,7 @@ pub struct Verdict {
 pub trait Ivp {
     /// State of one particle.
     type State: Linear;
-    /// A trial step starts.
+    /// A trial step starts. Until the next one `rhs_of` has the same `y`.
     fn begin(&mut self);
     /// dy/dt at time `t` (s) and state `y`; both slices hold the owned particles. Collective.
     fn rhs(&mut self, t: f64, y: &[Self::State], dydt: &mut [Self::State]);
