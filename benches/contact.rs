@@ -1,10 +1,11 @@
 //! One contact: the law alone, for the three variants.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use demhybrid::contact::{Law, Rebound, Tangential};
-use demhybrid::elementary::Separate;
-use demhybrid::particle::{Spin, Vec3};
-use demhybrid::simulation::{Task, dispatch};
+use demhybrid::engine::simulation::{Task, dispatch};
+use demhybrid::math::elementary::Separate;
+use demhybrid::math::vector::Vec3;
+use demhybrid::model::contact::{Law, Rebound, Tangential};
+use demhybrid::model::particle::Spin;
 use std::hint::black_box;
 
 mod common;
@@ -28,7 +29,9 @@ fn contact(c: &mut Criterion) {
     for variant in common::VARIANTS {
         dispatch(&common::scene(variant), Contact(c, variant));
     }
-    c.bench_function("contact/exp", |b| b.iter(|| demhybrid::elementary::exp::<Separate>(black_box(-1.3))));
+    c.bench_function("contact/exp", |b| {
+        b.iter(|| demhybrid::math::elementary::exp::<Separate>(black_box(-1.3)))
+    });
 }
 
 criterion_group!(benches, contact);

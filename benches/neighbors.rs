@@ -1,8 +1,8 @@
 //! Lists: time to rebuild them, for growing beds of one density. Divide by the number of particles to compare.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use demhybrid::neighbors::{Lists, Order};
-use demhybrid::particle::Vec3;
+use demhybrid::engine::neighbors::{Lists, Order};
+use demhybrid::math::vector::Vec3;
 
 mod common;
 

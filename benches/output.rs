@@ -4,9 +4,10 @@
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use demhybrid::domain::Solo;
 use demhybrid::domain::rows::ById;
-use demhybrid::ode::Limit;
-use demhybrid::output::{Measures, Output, Quantity, Rows, RunInfo, Seconds};
-use demhybrid::particle::{Motion, Spin, Spinning, Vec3};
+use demhybrid::files::output::{Measures, Output, Quantity, Rows, RunInfo, Seconds};
+use demhybrid::math::vector::Vec3;
+use demhybrid::model::particle::{Motion, Spin, Spinning};
+use demhybrid::ode::{Limit, MethodName, NormName};
 use std::fs::File;
 use std::io::Write;
 use std::path::Path;
@@ -21,10 +22,10 @@ fn info() -> RunInfo {
         version: String::new(),
         commit: String::new(),
         scene: String::new(),
-        method: String::new(),
+        method: MethodName::Auto,
         tolerance: 0.1,
         step: None,
-        norm: String::new(),
+        norm: NormName::Scaled,
         velocity_scale: 1.0,
         contact_reach: 0.0662,
         energy: false,

@@ -3,10 +3,10 @@
 
 use common::Job;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use demhybrid::contact::{Rebound, Tangential};
+use demhybrid::engine::simulation::Simulation;
+use demhybrid::model::contact::{Rebound, Tangential};
+use demhybrid::model::particle::Spin;
 use demhybrid::ode::Ivp;
-use demhybrid::particle::Spin;
-use demhybrid::simulation::Simulation;
 
 mod common;
 

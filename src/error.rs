@@ -1,6 +1,6 @@
 //! Everything that can end a run early, each with the exit code that tells a script what happened.
 
-use crate::wish::Wish;
+use std::fmt;
 use thiserror::Error;
 
 /// A reason to stop. Messages are lower case, without a full stop, with value, unit and time.
@@ -197,7 +197,7 @@ pub enum Error {
     #[error("stopped by {wish} at t = {t} s; demhybrid --resume {file} goes on from there")]
     Stopped {
         /// What asked for it.
-        wish: Wish,
+        wish: StopRequest,
         /// Time that was reached, s.
         t: f64,
         /// The output file as the user named it.
@@ -237,5 +237,90 @@ impl Error {
             Error::Stopped { .. } => 5,
             Error::Migration { .. } => 70,
         }
+    }
+}
+
+/// A request, of which the largest that any rank has seen counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum StopRequest {
+    /// To go on.
+    #[default]
+    Nothing,
+    /// To write a checkpoint and go on.
+    Checkpoint,
+    /// To stop, because somebody has made the stop file.
+    StopFile,
+    /// To stop, because `limits.wall` is over.
+    WallLimit,
+    /// To stop, by this signal.
+    Signal(u8),
+}
+
+impl StopRequest {
+    /// A number that is larger for what counts more.
+    pub fn weight(self) -> f64 {
+        match self {
+            StopRequest::Nothing => 0.0,
+            StopRequest::Checkpoint => 1.0,
+            StopRequest::StopFile => 2.0,
+            StopRequest::WallLimit => 3.0,
+            StopRequest::Signal(number) => 4.0 + f64::from(number),
+        }
+    }
+
+    /// The inverse of `weight`.
+    pub fn of_weight(weight: f64) -> Self {
+        match weight as u32 {
+            0 => StopRequest::Nothing,
+            1 => StopRequest::Checkpoint,
+            2 => StopRequest::StopFile,
+            3 => StopRequest::WallLimit,
+            more => StopRequest::Signal(u8::try_from(more - 4).unwrap_or(u8::MAX)),
+        }
+    }
+
+    /// Whether the run is to end.
+    pub fn stops(self) -> bool {
+        !matches!(self, StopRequest::Nothing | StopRequest::Checkpoint)
+    }
+}
+
+impl fmt::Display for StopRequest {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match *self {
+            StopRequest::Nothing => f.write_str("nothing"),
+            StopRequest::Checkpoint => f.write_str("checkpoint.wall"),
+            StopRequest::StopFile => f.write_str("the stop file"),
+            StopRequest::WallLimit => f.write_str("limits.wall"),
+            StopRequest::Signal(number) => match signal_hook::low_level::signal_name(i32::from(number)) {
+                Some(name) => f.write_str(name),
+                None => write!(f, "signal {number}"),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wish_survives_as_a_number_and_those_that_stop_weigh_more() {
+        let wishes = [
+            StopRequest::Nothing,
+            StopRequest::Checkpoint,
+            StopRequest::StopFile,
+            StopRequest::WallLimit,
+            StopRequest::Signal(1),
+            StopRequest::Signal(64),
+        ];
+        for pair in wishes.windows(2) {
+            assert!(pair[0].weight() < pair[1].weight(), "{pair:?}");
+        }
+        for wish in wishes {
+            assert_eq!(StopRequest::of_weight(wish.weight()), wish);
+            assert_eq!(wish.stops(), wish.weight() >= 2.0);
+        }
+        assert_eq!(StopRequest::Signal(15).to_string(), "SIGTERM");
     }
 }

@@ -25,36 +25,15 @@
 //! decision. Between steps particles migrate ([`domain::migration`]) and lists are rebuilt. Frames go to the
 //! observer, which in the program is [`output::Output`].
 
-pub mod accuracy;
-pub mod agreement;
-pub mod analysis;
-pub mod checkpoint;
+pub mod beds;
 pub mod cli;
-pub mod contact;
-pub mod container;
 pub mod domain;
-pub mod dynamics;
-pub mod effects;
-pub mod elementary;
-pub mod ensemble;
+pub mod engine;
 pub mod error;
-pub mod farm;
-pub mod forces;
-pub mod instructions;
-pub mod kernel;
-pub mod launch;
-pub mod neighbors;
+pub mod files;
+pub mod math;
+pub mod model;
 pub mod ode;
-pub mod output;
-pub mod outside;
-pub mod parallel;
-pub mod particle;
-pub mod program;
-pub mod record;
-pub mod render;
-pub mod report;
 pub mod scene;
-pub mod simulation;
-pub mod start;
-pub mod tools;
-pub mod wish;
+pub mod studies;
+pub mod threads;

@@ -1,17 +1,15 @@
 //! Starts MPI where there is one, runs the program, and turns what happened into an exit code.
 
 use clap::Parser;
-use demhybrid::cli::{CommandLine, Work};
-use demhybrid::domain::{Comm, world};
+use demhybrid::cli::{CommandLine, Work, accuracy, ensemble, run, tools};
+use demhybrid::domain::{Comm, launch, world};
 use demhybrid::error::Error;
-use demhybrid::{accuracy, ensemble, launch, program, tools};
+use demhybrid::threads::huge_pages::HugePages;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
-mod huge_pages;
-
 #[global_allocator]
-static ALLOCATOR: huge_pages::HugePages = huge_pages::HugePages;
+static ALLOCATOR: HugePages = HugePages;
 
 /// Exit code of an internal error.
 const INTERNAL: i32 = 70;
@@ -38,8 +36,8 @@ fn main() {
     let world = &session.world;
     launch::report_panics(world.rank());
     let outcome = catch_unwind(AssertUnwindSafe(|| match &work {
-        Work::Run(args) => program::run(args, world),
-        Work::Accuracy(args) => accuracy::command::run(args, world),
+        Work::Run(args) => run::run(args, world),
+        Work::Accuracy(args) => accuracy::run(args, world),
         Work::Ensemble(args) => ensemble::run(args, world),
         Work::Tool(_) => unreachable!("tools work without MPI"),
     }));

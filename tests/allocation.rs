@@ -7,16 +7,16 @@ mod beds;
 mod mpirun;
 
 use beds::{Job, bed, scene, simulate_on};
-use demhybrid::contact::{Rebound, Tangential};
-use demhybrid::container::walls;
 use demhybrid::domain::{Comm, Solo, world};
-use demhybrid::dynamics::Dynamics;
+use demhybrid::engine::dynamics::Dynamics;
+use demhybrid::engine::simulation::Simulation;
+use demhybrid::model::contact::{Rebound, Tangential};
+use demhybrid::model::particle::Spin;
 use demhybrid::ode::{
     Anchor, Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, Norm, RungeKutta, Trial, Verlet, Weights,
 };
-use demhybrid::particle::Spin;
 use demhybrid::scene::Scene;
-use demhybrid::simulation::Simulation;
+use demhybrid::scene::walls::walls;
 use std::process::Command;
 
 /// Takes steps of different sizes by every method, and counts.

@@ -3,7 +3,7 @@
 #[path = "common/mpirun.rs"]
 mod mpirun;
 
-use demhybrid::instructions::InstructionSet;
+use demhybrid::math::instructions::InstructionSet;
 use mpirun::{Job, PACKAGE, Results, assert_same_bits, progress_lines};
 use std::fs;
 use std::path::Path;

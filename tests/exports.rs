@@ -8,7 +8,7 @@ mod mpirun;
 #[path = "common/python.rs"]
 mod python;
 
-use demhybrid::record::{Record, State, Which};
+use demhybrid::files::run_file::{RunFile, State, Which};
 use mpirun::{Job, PACKAGE, kill};
 use python::{python, run_python};
 use std::fs;
@@ -30,7 +30,7 @@ fn export(folder: &Path, line: &str) -> mpirun::Ended {
 }
 
 fn state(folder: &Path, run: &str, which: Which) -> State {
-    let record = Record::open(&folder.join(run)).unwrap();
+    let record = RunFile::open(&folder.join(run)).unwrap();
     let frame = record.numbers(which).unwrap()[0];
     record.state(frame).unwrap()
 }
@@ -81,7 +81,7 @@ fn all_frames_go_to_numbered_files_and_xyz_to_one() {
     let text = fs::read_to_string(at("a.xyz")).unwrap();
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines.len(), 16 * 29);
-    let record = Record::open(&at("quick.vtkhdf")).unwrap();
+    let record = RunFile::open(&at("quick.vtkhdf")).unwrap();
     for (k, frame) in lines.chunks(29).enumerate() {
         let state = record.state(k as u64).unwrap();
         assert_eq!(frame[0], "27");
@@ -133,7 +133,7 @@ fn a_killed_run_is_exported_up_to_its_last_frame() {
     kill(job.process());
     job.end().with_code(137);
     export(folder.path(), "quick.vtkhdf --to csv -o last.csv").with_code(0);
-    let record = Record::open(&folder.path().join("quick.vtkhdf")).unwrap();
+    let record = RunFile::open(&folder.path().join("quick.vtkhdf")).unwrap();
     let state = record.state(record.frames - 1).unwrap();
     let table = fs::read_to_string(folder.path().join("last.csv")).unwrap();
     let row: Vec<f64> = table.lines().last().unwrap().split(',').map(|word| word.parse().unwrap()).collect();

@@ -17,7 +17,7 @@ const FAULT_DEADLINE: u64 = 10;
 /// A rank that owns this many times its share makes the slab bounds move (src/domain/slabs.rs).
 const TOLERATED_IMBALANCE: f64 = 1.04;
 /// Loops of fewer items are not shared by threads (src/parallel.rs).
-const GRAIN: i64 = demhybrid::parallel::GRAIN as i64;
+const GRAIN: i64 = demhybrid::threads::GRAIN as i64;
 
 const BASIC: &str = "";
 const FRICTION: &str = "[friction]\ncoefficient = 0.2\nregularization_velocity = 0.1\nrotation = false\n";

@@ -4,8 +4,8 @@
 mod common;
 
 use common::{Case, Run};
-use demhybrid::analysis::paper_volume_fraction;
-use demhybrid::container::walls;
+use demhybrid::beds::measures::paper_volume_fraction;
+use demhybrid::scene::walls::walls;
 use std::ops::RangeInclusive;
 
 /// Steps that the published program took for one start of its own.

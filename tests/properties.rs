@@ -3,13 +3,14 @@
 //!
 //! Formulas are those of the paper, written down once more.
 
-use demhybrid::contact::{Law, Rebound, Tangential};
 use demhybrid::domain::Solo;
+use demhybrid::engine::simulation::{Simulation, Task, dispatch};
+use demhybrid::math::vector::Vec3;
+use demhybrid::model::contact::{Law, Rebound, Tangential};
+use demhybrid::model::particle::Spin;
 use demhybrid::ode::Ivp;
-use demhybrid::particle::{Spin, Vec3};
+use demhybrid::scene::initial_condition::InitialCondition;
 use demhybrid::scene::{Container, Friction, Scene, WallPlane};
-use demhybrid::simulation::{Simulation, Task, dispatch};
-use demhybrid::start::Start;
 use nalgebra::{Matrix3, Rotation3};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -63,7 +64,7 @@ impl Cloud {
 
     /// The right-hand side, by id.
     fn slopes(&self) -> Vec<Slope> {
-        struct Evaluate<'a>(&'a Scene, &'a Start);
+        struct Evaluate<'a>(&'a Scene, &'a InitialCondition);
         impl Task for Evaluate<'_> {
             type Output = Vec<Slope>;
             fn with<Q: Rebound, T: Tangential, W: Spin>(self, law: Law<Q, T>) -> Vec<Slope> {
@@ -79,7 +80,7 @@ impl Cloud {
             }
         }
         let list = |vectors: &[Vec3]| vectors.iter().map(|&vector| vector.into()).collect();
-        let start = Start { x: list(&self.x), v: list(&self.v), omega: list(&self.omega) };
+        let start = InitialCondition { x: list(&self.x), v: list(&self.v), omega: list(&self.omega) };
         let scene = self.scene();
         dispatch(&scene, Evaluate(&scene, &start))
     }

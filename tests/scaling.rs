@@ -4,10 +4,10 @@
 mod beds;
 
 use beds::{Job, bed, scene, simulate};
-use demhybrid::contact::{Rebound, Tangential};
+use demhybrid::engine::simulation::Simulation;
+use demhybrid::model::contact::{Rebound, Tangential};
+use demhybrid::model::particle::Spin;
 use demhybrid::ode::Ivp;
-use demhybrid::particle::Spin;
-use demhybrid::simulation::Simulation;
 
 /// Pairs evaluated in one right-hand side, and pairs listed, per particle.
 struct Count<'a>(&'a mut Vec<[f64; 2]>);

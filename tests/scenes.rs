@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use demhybrid::error::Error;
 use demhybrid::scene::Scene;
-use demhybrid::start::{self, Start};
+use demhybrid::scene::initial_condition::{self, InitialCondition};
 
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
@@ -24,16 +24,16 @@ fn scenes(name: &str) -> Vec<PathBuf> {
 }
 
 /// What the program does with a scene before the first step.
-fn set_up(file: &Path, sets: &[&str]) -> Result<(Scene, Start), Error> {
+fn set_up(file: &Path, sets: &[&str]) -> Result<(Scene, InitialCondition), Error> {
     let name = file.file_name().unwrap().to_str().unwrap();
     let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
     let mut scene = Scene::parse(name, &std::fs::read_to_string(file).unwrap(), &sets)?;
     scene.set_seed_if_missing(42);
     let start = match &scene.particles.grid {
-        Some(grid) => start::grid(&scene, grid),
-        None => start::read_csv(&scene, file.parent().unwrap())?,
+        Some(grid) => initial_condition::grid(&scene, grid),
+        None => initial_condition::read_csv(&scene, file.parent().unwrap())?,
     };
-    start::check(&scene, &start)?;
+    initial_condition::check(&scene, &start)?;
     Ok((scene, start))
 }
 
@@ -189,7 +189,7 @@ fn the_settling_scenes_hold_the_parameters_of_table_4_2() {
     assert_eq!(contact.interaction_distance, 0.1);
     assert_eq!((friction.coefficient, friction.regularization_velocity), (0.2, 0.01));
     assert_eq!((scene.solver.tolerance, scene.solver.initial_step), (Some(0.1), 0.1));
-    assert_eq!((scene.solver.method.as_str(), scene.solver.norm.as_str()), ("merson", "paper"));
+    assert_eq!((scene.solver.method.name(), scene.solver.norm.name()), ("merson", "paper"));
     assert!(scene.rotates());
 
     let variant = |name| set_up(&folder(name), &[]).unwrap();
@@ -317,6 +317,6 @@ fn the_scene_of_the_readme_runs_as_it_is_printed() {
     let (_, rest) = readme.split_once("```toml\n").expect("the README shows a scene");
     let (text, _) = rest.split_once("```").expect("the scene of the README ends");
     let scene = Scene::parse("readme.toml", text, &[]).unwrap_or_else(|why| panic!("{why}"));
-    let start = start::grid(&scene, scene.particles.grid.as_ref().expect("it has a grid"));
-    assert_eq!(start::check(&scene, &start), Ok(()));
+    let start = initial_condition::grid(&scene, scene.particles.grid.as_ref().expect("it has a grid"));
+    assert_eq!(initial_condition::check(&scene, &start), Ok(()));
 }

@@ -2,11 +2,11 @@
 
 #![allow(dead_code)] // every bench uses a part
 
-use demhybrid::contact::{Rebound, Tangential};
 use demhybrid::domain::{Comm, Solo};
+use demhybrid::engine::simulation::{Simulation, Task, dispatch};
+use demhybrid::model::contact::{Rebound, Tangential};
+use demhybrid::scene::initial_condition::InitialCondition;
 use demhybrid::scene::{Container, Scene};
-use demhybrid::simulation::{Simulation, Task, dispatch};
-use demhybrid::start::Start;
 use rand::{RngExt, SeedableRng};
 
 /// The paper's scene in one of its variants, without walls.
@@ -27,11 +27,11 @@ pub const VARIANTS: [&str; 3] = ["basic", "friction", "friction+rotation"];
 
 /// `n` spheres of radius 0.1 m packed as densely as a settled bed, 5 across and 10 deep, with small random shifts and
 /// velocities.
-pub fn bed(n: usize) -> Start {
+pub fn bed(n: usize) -> InitialCondition {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
     let mut vector =
         |size: f64| -> [f64; 3] { std::array::from_fn(|_| size * (random.random::<f64>() - 0.5)) };
-    let mut start = Start::default();
+    let mut start = InitialCondition::default();
     for k in 0..n {
         let cell = [k / 50, k % 5, k / 5 % 10];
         let shift = vector(0.02);
@@ -43,18 +43,18 @@ pub fn bed(n: usize) -> Start {
 }
 
 /// Hands a simulation of `start` to `job`, with the scene's effects as types.
-pub fn simulate(scene: &Scene, start: &Start, job: impl Job) {
+pub fn simulate(scene: &Scene, start: &InitialCondition, job: impl Job) {
     simulate_on(&Solo, scene, start, job);
 }
 
 /// `simulate` on several ranks. Collective.
-pub fn simulate_on(comm: &dyn Comm, scene: &Scene, start: &Start, job: impl Job) {
-    struct Bench<'a, J>(&'a dyn Comm, &'a Scene, &'a Start, J);
+pub fn simulate_on(comm: &dyn Comm, scene: &Scene, start: &InitialCondition, job: impl Job) {
+    struct Bench<'a, J>(&'a dyn Comm, &'a Scene, &'a InitialCondition, J);
     impl<J: Job> Task for Bench<'_, J> {
         type Output = ();
-        fn with<R: Rebound, T: Tangential, W: demhybrid::particle::Spin>(
+        fn with<R: Rebound, T: Tangential, W: demhybrid::model::particle::Spin>(
             self,
-            law: demhybrid::contact::Law<R, T>,
+            law: demhybrid::model::contact::Law<R, T>,
         ) {
             let simulation = Simulation::<R, T, W>::new(self.1, self.2, law, self.0);
             self.3.run(simulation.unwrap_or_else(|why| panic!("{why}")));
@@ -66,5 +66,8 @@ pub fn simulate_on(comm: &dyn Comm, scene: &Scene, start: &Start, job: impl Job)
 /// Work for any variant.
 pub trait Job {
     /// Does it.
-    fn run<R: Rebound, T: Tangential, W: demhybrid::particle::Spin>(self, simulation: Simulation<R, T, W>);
+    fn run<R: Rebound, T: Tangential, W: demhybrid::model::particle::Spin>(
+        self,
+        simulation: Simulation<R, T, W>,
+    );
 }

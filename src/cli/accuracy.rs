@@ -1,13 +1,17 @@
-//! The options of `demhybrid accuracy`.
+//! `demhybrid accuracy SCENE`: what accuracy costs, from the command line to the files and the recommendation.
 
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::{PossibleValuesParser, RangedU64ValueParser};
+use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 
-use crate::accuracy::records::Study;
-use crate::accuracy::solvers::METHODS;
-use crate::accuracy::sweep::Sweep;
+use crate::beds::folder::{prepare, stem};
+use crate::domain::agreement::{share, write_on_rank_0};
+use crate::domain::{Comm, launch};
+use crate::error::Error;
+use crate::ode::MethodName;
+use crate::studies::accuracy::{Comparison, METHODS, Request, Study, Sweep};
+use crate::studies::job_pool::JobPool;
 
 /// Find out how accurate a scene is computed, and what more accuracy would cost
 ///
@@ -39,8 +43,8 @@ pub struct AccuracyArgs {
     pub output: Option<PathBuf>,
 
     /// Methods to compare [default: all; in ensembles auto and chebyshev]
-    #[arg(long, value_name = "METHODS", value_delimiter = ',', value_parser = PossibleValuesParser::new(METHODS))]
-    pub methods: Vec<String>,
+    #[arg(long, value_name = "METHODS", value_delimiter = ',', value_parser = method_parser())]
+    pub methods: Vec<MethodName>,
 
     /// Tolerances of the methods with error control [default: 1e-1 to 1e-8, of chebyshev to 1e-6, in ensembles to 1e-4]
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive, allow_negative_numbers = true)]
@@ -98,6 +102,44 @@ pub struct AccuracyArgs {
     pub quiet: bool,
 }
 
+impl AccuracyArgs {
+    fn request(&self) -> Request {
+        Request {
+            scene: self.scene.clone(),
+            set: self.set.clone(),
+            methods: self.methods.clone(),
+            tolerances: self.tolerances.clone(),
+            steps: self.steps.clone(),
+            seeds: self.seeds,
+            time: self.time,
+            until: self.until,
+            sweep: self.sweep.clone(),
+            paper: self.paper,
+            studies: self.studies.clone(),
+        }
+    }
+
+    /// The folder of the files.
+    fn folder(&self) -> PathBuf {
+        self.output.clone().unwrap_or_else(|| format!("{}-accuracy", stem(&self.scene)).into())
+    }
+}
+
+/// Runs the comparison that the command line asks for. Collective.
+pub fn run(args: &AccuracyArgs, comm: &dyn Comm) -> Result<(), Error> {
+    let pool = JobPool::start(comm, args.threads, args.quiet)?;
+    let request = args.request();
+    let comparison = Comparison::load(&request, &pool)?;
+    let folder = args.folder();
+    share(comm, || prepare(&folder, args.force).map(|()| String::new()))?;
+    comparison.announce();
+    let found = comparison.found();
+    write_on_rank_0(comm, || {
+        launch::print(&comparison.write(&folder, &found)?);
+        Ok(())
+    })
+}
+
 const AFTER_HELP: &str = "\
 Examples:
   demhybrid accuracy configs/quick.toml
@@ -115,8 +157,31 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 fn study_parser() -> impl clap::builder::TypedValueParser<Value = Study> {
-    use clap::builder::TypedValueParser;
     let find = |name: String| Study::ALL.into_iter().find(|study| study.name() == name);
     PossibleValuesParser::new(Study::ALL.map(Study::name))
         .try_map(move |name| find(name).ok_or("it must be the name of a study"))
+}
+
+fn method_parser() -> impl TypedValueParser<Value = MethodName> {
+    PossibleValuesParser::new(METHODS.map(MethodName::name)).try_map(|name| name.parse::<MethodName>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{CommandLine, Work};
+    use clap::Parser;
+
+    #[test]
+    fn the_folder_is_named_after_the_scene() {
+        let folder = |more: &str| {
+            let line = format!("demhybrid accuracy a/eight.toml {more}");
+            match CommandLine::try_parse_from(line.split_whitespace()).unwrap().work() {
+                Work::Accuracy(args) => args.folder(),
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(folder(""), PathBuf::from("eight-accuracy"));
+        assert_eq!(folder("-o other"), PathBuf::from("other"));
+    }
 }

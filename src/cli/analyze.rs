@@ -1,9 +1,14 @@
-//! The command line of `demhybrid analyze`.
+//! `demhybrid analyze`: how densely a bed is packed, how its spheres touch, and how the run went.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::RegionArgs;
-use crate::record::Which;
+use crate::beds::folder::{prepare, stem};
+use crate::beds::measures::row::{Row, centres};
+use crate::beds::report::{Measured, write};
+use crate::domain::launch;
+use crate::error::Error;
+use crate::files::run_file::{RunFile, Which};
 
 /// Which bed to measure, and where to put what was found.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -27,6 +32,42 @@ pub struct AnalyzeArgs {
     /// Write to a folder that is not empty
     #[arg(long)]
     pub force: bool,
+}
+
+/// Measures what the command line asks for, writes the folder and prints a table.
+pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
+    let record = RunFile::open(&args.run)?;
+    let frames = record.numbers(args.frame)?;
+    let last = record.state(frames[frames.len() - 1])?;
+    let (region, words) = args.region.choice().of(&record.scene, &centres(&last));
+    let folder = args.output.clone().unwrap_or_else(|| format!("{}-analysis", stem(&args.run)).into());
+    prepare(&folder, args.force)?;
+
+    let mut rows = Vec::new();
+    for &k in &frames[..frames.len() - 1] {
+        rows.push(Row::of(&record.scene, &record.state(k)?, &region));
+    }
+    let measured = Measured::of(&record, &last, &region, words, rows)?;
+    let written = write(&folder, &stem(&args.run), &record, &measured, &last)?;
+    launch::print(&table(&record, &measured, &folder, written));
+    Ok(())
+}
+
+/// What a reader of the terminal wants to know.
+fn table(record: &RunFile, measured: &Measured, folder: &Path, files: usize) -> String {
+    let mut lines = vec![format!(
+        "{}: frame {} of {}, t = {} s, {} spheres{}",
+        record.path().display(),
+        measured.last().frame,
+        record.frames,
+        measured.last().time,
+        record.count,
+        if record.completed { "" } else { ", the run is not complete" },
+    )];
+    lines.push(format!("measured in {}", measured.region_words));
+    lines.extend(measured.findings().iter().map(|(name, value)| format!("  {name:<36}{value}")));
+    lines.push(format!("{files} files in {}; report.html shows all of it", folder.display()));
+    lines.join("\n") + "\n"
 }
 
 const AFTER_HELP: &str = "\

@@ -1,16 +1,16 @@
-//! The command line of `demhybrid ensemble`.
+//! `demhybrid ensemble`: many starts of one scene, and scenes side by side, run or gathered.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser};
 
 use super::RegionArgs;
-use crate::accuracy::sweep::split;
-use crate::ensemble::measures::MEASURES;
-
-/// Most seeds of an ensemble.
-const MOST_SEEDS: usize = 100_000;
+use crate::beds::folder::{prepare, stem};
+use crate::domain::agreement::{share, write_on_rank_0};
+use crate::domain::{Comm, launch};
+use crate::error::Error;
+use crate::studies::ensemble::{self, Case, MEASURES, Plan, Request, Seeds, Vary, gather};
+use crate::studies::job_pool::JobPool;
 
 /// Run scenes from many starts, and show means, ranges and 95 % intervals of the beds
 ///
@@ -82,81 +82,64 @@ pub struct EnsembleArgs {
     pub quiet: bool,
 }
 
-/// Seeds in ascending order, none twice; at least one.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Seeds(pub Vec<u64>);
-
-impl FromStr for Seeds {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let form = "it must be a number of seeds such as 10 (seeds 1 to 10), a range such as 11-20, or a list such as 3,5,7";
-        let number = |word: &str| word.trim().parse::<u64>().map_err(|_| form.to_owned());
-        let mut seeds = Vec::new();
-        let parts: Vec<&str> = text.split(',').collect();
-        for part in &parts {
-            let (from, to) = match part.split_once('-') {
-                Some((from, to)) => (number(from)?, number(to)?),
-                None if parts.len() == 1 => (1, number(part)?),
-                None => (number(part)?, number(part)?),
-            };
-            if from > to {
-                return Err(match parts.len() {
-                    1 if to == 0 => "there must be at least one seed".to_owned(),
-                    _ => format!("the range {part} is empty: its first number must not be above its last"),
-                });
-            }
-            // The scene is TOML, whose integers have 63 bits.
-            if i64::try_from(to).is_err() {
-                return Err(format!("{to} is too large: seeds go up to {}", i64::MAX));
-            }
-            if to - from >= MOST_SEEDS as u64 || seeds.len() >= MOST_SEEDS {
-                return Err(format!("more than {MOST_SEEDS} seeds"));
-            }
-            seeds.extend(from..=to);
+impl EnsembleArgs {
+    fn request(&self) -> Request {
+        Request {
+            scenes: self.scenes.clone(),
+            seeds: self.seeds.clone(),
+            vary: self.vary.clone(),
+            set: self.set.clone(),
         }
-        let count = seeds.len();
-        seeds.sort_unstable();
-        seeds.dedup();
-        match seeds.len() == count {
-            true => Ok(Seeds(seeds)),
-            false => Err("a seed is named twice".to_owned()),
-        }
+    }
+
+    /// The folder of the files.
+    fn folder(&self) -> PathBuf {
+        let first = self.gather.first().map(|run| gather::family(run));
+        let name = || first.or_else(|| self.scenes.first().map(|scene| stem(scene))).unwrap_or_default();
+        self.output.clone().unwrap_or_else(|| format!("{}-ensemble", name()).into())
     }
 }
 
-/// A scene key and the values it takes, in all scenes or in one.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Vary {
-    /// The scene that varies, by path or name; none: all.
-    pub scene: Option<String>,
-    /// Dotted path of the key.
-    pub key: String,
-    /// Values in TOML; at least one.
-    pub values: Vec<String>,
+/// Runs or gathers what the command line asks for, writes the folder and prints a table. Collective.
+pub fn run(args: &EnsembleArgs, comm: &dyn Comm) -> Result<(), Error> {
+    let pool = JobPool::start(comm, args.threads, args.quiet)?;
+    let plan = Plan { times: args.times, region: args.region.choice() };
+    let folder = args.folder();
+    let make_folder = || share(comm, || prepare(&folder, args.force).map(|()| String::new()));
+    let cases = match args.gather.first() {
+        None => {
+            let cases = ensemble::load(&args.request(), comm)?;
+            make_folder()?;
+            ensemble::run(&pool, &cases, &args.seeds.0, &plan)
+        }
+        Some(_) => {
+            let found = gather::find(&args.gather, comm)?;
+            make_folder()?;
+            gather::measure(&pool, &found, &plan)
+        }
+    };
+    warn(&cases, comm);
+    write_on_rank_0(comm, || {
+        launch::print(&ensemble::write(&folder, &cases, &args.measures)?);
+        Ok(())
+    })?;
+    ensemble::check_cases(&cases)
 }
 
-impl FromStr for Vary {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let form = "it must be KEY=V1,V2,.. such as friction.coefficient=0.1,0.2, or SCENE:KEY=V1,V2,..";
-        let (head, list) = text.split_once('=').ok_or(form)?;
-        let (scene, key) = match head.rsplit_once(':') {
-            Some((scene, key)) => (Some(scene.trim().to_owned()), key),
-            None => (None, head),
-        };
-        let (key, values) = (key.trim().to_owned(), split(list));
-        if key.is_empty() || values.iter().any(String::is_empty) || scene.as_deref() == Some("") {
-            return Err(form.into());
+/// Tells about runs without a result. Rank 0 only speaks.
+fn warn(cases: &[Case], comm: &dyn Comm) {
+    if comm.rank() > 0 {
+        return;
+    }
+    for case in cases {
+        for run in &case.runs {
+            if let Err(why) = &run.outcome {
+                launch::say(&format!(
+                    "demhybrid: warning: {}, seed {}, is left out: {why}",
+                    case.name, run.seed
+                ));
+            }
         }
-        if key == "particles.grid.seed" {
-            return Err("particles.grid.seed is what --seeds is for".into());
-        }
-        if key == "output" || key.starts_with("output.") {
-            return Err(format!("{key} is no part of the model: the files of an ensemble go to --output"));
-        }
-        Ok(Vary { scene, key, values })
     }
 }
 
@@ -184,47 +167,21 @@ A run that fails is reported and left out of the means; the command fails, with 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::{CommandLine, Work};
+    use clap::Parser;
 
-    #[test]
-    fn a_number_of_seeds_counts_from_one_and_lists_are_taken_as_they_are() {
-        let seeds = |text: &str| text.parse::<Seeds>().map(|seeds| seeds.0);
-        assert_eq!(seeds("3"), Ok(vec![1, 2, 3]));
-        assert_eq!(seeds("7-7"), Ok(vec![7]));
-        assert_eq!(seeds("3, 5,0"), Ok(vec![0, 3, 5]));
-        assert_eq!(seeds("9,11-13"), Ok(vec![9, 11, 12, 13]));
-        for (text, part) in [
-            ("", "must be a number"),
-            ("0", "at least one"),
-            ("x", "must be a number"),
-            ("5-3", "empty"),
-            ("1,2,2", "twice"),
-            ("1,2,,3", "must be a number"),
-            ("-3", "must be a number"),
-            ("99999999", "more than"),
-            ("18446744073709551615-18446744073709551615", "too large"),
-        ] {
-            let why = seeds(text).unwrap_err();
-            assert!(why.contains(part), "{text}: {why}");
+    fn args(line: &str) -> EnsembleArgs {
+        match CommandLine::try_parse_from(line.split_whitespace()).unwrap().work() {
+            Work::Ensemble(args) => *args,
+            other => panic!("{other:?}"),
         }
     }
 
     #[test]
-    fn a_key_varies_in_all_scenes_or_in_one() {
-        let vary: Vary = "friction.coefficient=0.1, 0.2".parse().unwrap();
-        assert_eq!((vary.scene, vary.key.as_str()), (None, "friction.coefficient"));
-        assert_eq!(vary.values, ["0.1", "0.2"]);
-        let vary: Vary = "settle:gravity=[0,0,-1],[0,0,-2]".parse().unwrap();
-        assert_eq!((vary.scene.as_deref(), vary.values.len()), (Some("settle"), 2));
-        for (text, part) in [
-            ("contact", "KEY=V1"),
-            ("=1", "KEY=V1"),
-            (":contact.restitution=1", "KEY=V1"),
-            ("contact.restitution=1,,2", "KEY=V1"),
-            ("particles.grid.seed=1,2", "--seeds"),
-            ("output.file=a,b", "--output"),
-        ] {
-            let why = text.parse::<Vary>().unwrap_err();
-            assert!(why.contains(part), "{text}: {why}");
-        }
+    fn the_folder_is_named_after_the_first_scene_or_the_family_of_runs() {
+        let named = |line: &str| args(line).folder().display().to_string();
+        assert_eq!(named("demhybrid ensemble a/bed.toml b.toml"), "bed-ensemble");
+        assert_eq!(named("demhybrid ensemble --gather x/bed-1.vtkhdf x/bed-2.vtkhdf"), "bed-ensemble");
+        assert_eq!(named("demhybrid ensemble bed.toml --out there"), "there");
     }
 }

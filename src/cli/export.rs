@@ -1,10 +1,11 @@
-//! The command line of `demhybrid export`.
+//! `demhybrid export`: frames of a run in the formats of other programs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use clap::ValueEnum;
-
-use crate::record::Which;
+use crate::beds::export::{self, Format, MOST_SUBDIVISIONS, Options, Phase};
+use crate::domain::launch;
+use crate::error::Error;
+use crate::files::run_file::{RunFile, Which};
 
 /// Which frames of which run to write, and how.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -42,54 +43,76 @@ pub struct ExportArgs {
     pub force: bool,
 }
 
-/// A file format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Format {
-    /// Positions, velocities and spins by columns, with all digits; particles.file of a scene reads it
-    Csv,
-    /// Extended XYZ with radii and velocities, for OVITO; all frames in one file
-    Xyz,
-    /// VTK XML points, for ParaView of any age
-    Vtp,
-    /// Surfaces of all spheres as binary STL
-    Stl,
-    /// Voxels of pore and solid, a byte each, with a JSON header in FILE.json
-    Raw,
-    /// A LAMMPS data file, atom_style sphere
-    Lammps,
-}
-
-impl Format {
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Format::Csv => "csv",
-            Format::Xyz => "xyz",
-            Format::Vtp => "vtp",
-            Format::Stl => "stl",
-            Format::Raw => "raw",
-            Format::Lammps => "lammps",
+impl ExportArgs {
+    fn options(&self) -> Options {
+        Options {
+            to: self.to,
+            output: self.output.clone(),
+            numbered: self.frame == Which::All,
+            resolution: self.resolution,
+            ones: self.ones,
+            subdivisions: self.subdivisions,
+            force: self.force,
         }
     }
 }
 
-/// A phase of the voxel image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Phase {
-    /// Inside a sphere or beyond a plane of container.wall
-    Solid,
-    /// Everything else
-    Pore,
+/// Writes what the command line asks for.
+pub fn run(args: &ExportArgs) -> Result<(), Error> {
+    check_options(args)?;
+    let run = RunFile::open(&args.run)?;
+    let frames = run.numbers(args.frame)?;
+    let written = export::write(&run, &frames, &args.options())?;
+    launch::say(&format!("demhybrid: {}", told(&written, &frames, &run)));
+    Ok(())
 }
 
-impl Phase {
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Phase::Solid => "solid",
-            Phase::Pore => "pore",
-        }
+/// What was written, in a line.
+fn told(written: &[PathBuf], frames: &[u64], run: &RunFile) -> String {
+    let name = |path: &Path| path.display().to_string();
+    let files = match written {
+        [one] => format!("{} is written", name(one)),
+        [first, second] => format!("{} and {} are written", name(first), name(second)),
+        many => format!(
+            "{} files, {} to {}, are written",
+            many.len(),
+            name(&many[0]),
+            name(&many[many.len() - 1])
+        ),
+    };
+    let which = match frames {
+        [one] => format!("frame {one}"),
+        many => format!("{} frames", many.len()),
+    };
+    format!("{files}: {which} of {}, {} spheres", run.path().display(), run.count)
+}
+
+/// Options that belong to another format would be ignored, and values out of range misunderstood.
+fn check_options(args: &ExportArgs) -> Result<(), Error> {
+    let foreign = [
+        ("--resolution", args.resolution.is_some(), Format::Raw),
+        ("--ones", args.ones.is_some(), Format::Raw),
+        ("--subdivisions", args.subdivisions.is_some(), Format::Stl),
+    ];
+    if let Some((option, _, owner)) = foreign.into_iter().find(|&(_, given, owner)| given && owner != args.to)
+    {
+        return Err(Error::Input(format!(
+            "{option} belongs to --to {}, and this is --to {}: leave it out",
+            owner.name(),
+            args.to.name()
+        )));
     }
+    if let Some(resolution) = args.resolution.filter(|&n| !(n.is_finite() && n > 0.0)) {
+        return Err(Error::Input(format!(
+            "--resolution {resolution}: it must be a finite number of voxels per radius greater than 0, e.g. 10"
+        )));
+    }
+    if let Some(subdivisions) = args.subdivisions.filter(|&n| n > MOST_SUBDIVISIONS) {
+        return Err(Error::Input(format!(
+            "--subdivisions {subdivisions}: it must be 0 (20 triangles a sphere) to {MOST_SUBDIVISIONS}; 3 gives 1280"
+        )));
+    }
+    Ok(())
 }
 
 const AFTER_HELP: &str = "\
@@ -102,3 +125,39 @@ raw: one byte a voxel, x fastest, then y, then z; a voxel belongs to the solid i
 container.box from its lower corner; an open top is cut at the bed height, other open sides where the spheres end.
 Positions are in m, velocities in m/s, angular velocities in 1/s. Numbers in csv, xyz, vtp and lammps read back as the
 same doubles.";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: ExportArgs,
+    }
+
+    fn args(line: &str) -> ExportArgs {
+        Line::parse_from(format!("export run.vtkhdf -o a {line}").split_whitespace()).args
+    }
+
+    #[test]
+    fn options_of_other_formats_and_values_out_of_range_are_refused() {
+        for (line, parts) in [
+            ("--to csv --resolution 3", ["--resolution belongs to --to raw", "--to csv"]),
+            ("--to stl --ones pore", ["--ones belongs to --to raw", "--to stl"]),
+            ("--to raw --subdivisions 3", ["--subdivisions belongs to --to stl", "--to raw"]),
+            ("--to raw --resolution 0", ["--resolution 0:", "greater than 0"]),
+            ("--to raw --resolution inf", ["--resolution inf:", "finite"]),
+            ("--to raw --resolution=-1", ["--resolution -1:", "voxels per radius"]),
+            ("--to stl --subdivisions 8", ["--subdivisions 8:", "0 (20 triangles a sphere) to 7"]),
+        ] {
+            let mistake = check_options(&args(line)).unwrap_err();
+            assert_eq!(mistake.exit_code(), 2, "{line}");
+            assert!(parts.iter().all(|part| mistake.to_string().contains(part)), "{line}: {mistake}");
+        }
+        for line in ["--to csv", "--to raw --resolution 2.5 --ones solid", "--to stl --subdivisions 0"] {
+            check_options(&args(line)).unwrap();
+        }
+    }
+}

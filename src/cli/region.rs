@@ -1,9 +1,7 @@
 //! The part of a bed whose volumes are measured, on a command line.
 
-use crate::analysis::union::Region;
-use crate::analysis::{bed, region};
-use crate::particle::Vec3;
-use crate::scene::Scene;
+use crate::beds::measures::region::RegionChoice;
+use crate::math::vector::Vec3;
 
 #[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
 #[derive(Debug, Clone, Default, PartialEq, clap::Args)]
@@ -24,22 +22,15 @@ pub struct RegionArgs {
 }
 
 impl RegionArgs {
-    /// The region to measure in a bed of `scene` with the centres `x` (m), and what it is in words.
-    pub fn of(&self, scene: &Scene, x: &[Vec3]) -> (Region, &'static str) {
+    /// What was chosen.
+    pub fn choice(&self) -> RegionChoice {
         if let Some([a, b, c, d, e, f]) = self.r#box {
-            return (Region::Box { low: Vec3::new(a, b, c), high: Vec3::new(d, e, f) }, "the box of --box");
+            return RegionChoice::Box { low: Vec3::new(a, b, c), high: Vec3::new(d, e, f) };
         }
         if let Some([x, y, radius, from, to]) = self.cylinder {
-            let region = Region::Cylinder { axis: [x, y], radius, ends: [from, to] };
-            return (region, "the cylinder of --cylinder");
+            return RegionChoice::Cylinder { axis: [x, y], radius, ends: [from, to] };
         }
-        let inner = bed::bed_region(scene, x).filter(|_| !self.whole);
-        let words = match inner {
-            Some(_) => "the bed, without its top",
-            None => "the whole bed",
-        };
-        let (low, high) = inner.unwrap_or_else(|| region::container_box(scene, x));
-        (Region::Box { low, high }, words)
+        if self.whole { RegionChoice::Whole } else { RegionChoice::Bed }
     }
 }
 

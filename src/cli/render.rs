@@ -1,12 +1,14 @@
-//! The options of `demhybrid render`.
+//! `demhybrid render`: pictures and animations of a run.
 
 use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
 
-use crate::record::Which;
-use crate::render::{Background, Limits, Projection, Quantity, Size};
+use crate::beds::pictures::{self, Background, Limits, Options, Projection, Quantity, Size};
+use crate::domain::launch;
+use crate::error::Error;
+use crate::files::run_file::{RunFile, Which};
 
 /// Draw the spheres of a run: a picture, numbered pictures, or an animation
 ///
@@ -88,6 +90,49 @@ pub struct RenderArgs {
     /// Replace existing files
     #[arg(long)]
     pub force: bool,
+}
+
+impl RenderArgs {
+    fn options(&self) -> Options {
+        Options {
+            output: self.output.clone(),
+            numbered: self.frame == Which::All,
+            size: self.size,
+            colour: self.colour,
+            range: self.range,
+            direction: self.direction,
+            from: self.from,
+            target: self.target,
+            up: self.up,
+            projection: self.projection,
+            zoom: self.zoom,
+            background: self.background,
+            plain: self.plain,
+            no_container: self.no_container,
+            fps: self.fps,
+            threads: self.threads,
+            force: self.force,
+        }
+    }
+}
+
+/// Draws what the command line asks for.
+pub fn run(args: &RenderArgs) -> Result<(), Error> {
+    // A file that cannot be a picture is told before the run is read.
+    pictures::check_format(&args.output)?;
+    let run = RunFile::open(&args.run)?;
+    let frames = run.numbers(args.frame)?;
+    let paths = pictures::draw(&run, &frames, &args.options())?;
+    let named = |path: &PathBuf| path.display().to_string();
+    launch::say(&match (paths.as_slice(), frames.len()) {
+        ([path], 1) => format!("demhybrid: {} is drawn", named(path)),
+        ([path], count) => format!("demhybrid: {} is drawn, {count} frames", named(path)),
+        ([first, .., last], count) => {
+            format!("demhybrid: {} to {} are drawn, {count} files", named(first), named(last))
+        }
+        ([], _) => unreachable!("a run has a frame"),
+    });
+    Ok(())
 }
 
 const AFTER_HELP: &str = "\

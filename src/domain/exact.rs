@@ -1,36 +1,7 @@
 //! Sums over all particles that do not depend on how the particles are spread over ranks.
 
 use super::Comm;
-use crate::ode::larger;
-use crate::parallel::{self, GRAIN};
-
-/// How terms become integers, which have no order: by a power of two that makes 2^60 of the largest.
-#[derive(Debug, Clone, Copy)]
-pub struct Scale {
-    /// Powers of two scale without rounding; two factors reach where one would overflow.
-    up: [f64; 2],
-    down: [f64; 2],
-}
-
-impl Scale {
-    /// For terms up to `largest` in magnitude.
-    fn of(largest: f64) -> Self {
-        let regular = largest.is_finite() && largest > 0.0;
-        let exponent = if regular { 60 - (largest.log2().floor() as i32 + 1) } else { 0 };
-        let parts = [exponent - exponent / 2, exponent / 2];
-        Scale { up: parts.map(|part| 2f64.powi(part)), down: parts.map(|part| 2f64.powi(-part)) }
-    }
-
-    /// The integer next to a term, away from zero where two are: `f64::round`, without a call of the C library.
-    #[inline(always)]
-    pub fn integer(&self, term: f64) -> i64 {
-        let x = term * self.up[0] * self.up[1];
-        let whole = x as i64;
-        let rest = x - whole as f64;
-        // What is beyond 64 bits, as where a term is infinite, is the largest there is.
-        whole.saturating_add(i64::from(rest >= 0.5)).saturating_sub(i64::from(rest <= -0.5))
-    }
-}
+use crate::math::exact::{Scale, largest, total};
 
 /// Sums over all ranks of terms that are rounded to 2^-60 of the largest: integers have no order, so the bits are the
 /// same for any number of ranks. `largest` are the magnitudes of this rank's largest terms, infinite where a term is not a
@@ -47,8 +18,7 @@ pub fn exact_sums<const K: usize>(
     comm.sum(limbs.as_flattened_mut());
     std::array::from_fn(|k| {
         let total = (i128::from(limbs[k][1] as i64) << 32) + i128::from(limbs[k][0]);
-        let [first, second] = scales[k].down;
-        if largest[k].is_finite() { total as f64 * first * second } else { f64::NAN }
+        if largest[k].is_finite() { scales[k].value(total) } else { f64::NAN }
     })
 }
 
@@ -56,16 +26,6 @@ pub fn exact_sums<const K: usize>(
 pub fn exact_sum(comm: &dyn Comm, n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
     let [sum] = exact_sums(comm, [largest(n, &term)], |[scale]| [total(n, &term, scale)]);
     sum
-}
-
-/// Largest magnitude of `term(i)` for i in 0..n; infinite where one is not a number.
-pub fn largest(n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
-    parallel::fold(n, GRAIN, |i| term(i).abs(), 0.0, larger)
-}
-
-/// Sum of `term(i)` for i in 0..n in units of `scale`.
-pub fn total(n: usize, term: impl Fn(usize) -> f64 + Sync, scale: Scale) -> i128 {
-    parallel::fold(n, GRAIN, |i| i128::from(scale.integer(term(i))), 0, |a, b| a + b)
 }
 
 #[cfg(test)]
@@ -81,31 +41,6 @@ mod tests {
         assert_eq!(forward, exact_sum(&Solo, terms.len(), |i| terms[i]));
         let plain: f64 = terms.iter().sum();
         assert!((forward - plain).abs() <= 1e-12 * plain.abs());
-    }
-
-    #[test]
-    fn integers_are_those_that_rounding_gives() {
-        let scale = Scale::of(1.5);
-        let unit = 2f64.powi(-59);
-        for k in [
-            0.0,
-            0.49,
-            0.5,
-            1.5,
-            2.5,
-            2.51,
-            1e6 + 0.5,
-            2f64.powi(40) + 0.5,
-            2f64.powi(52) + 1.0,
-            2f64.powi(59),
-        ] {
-            for x in [k, -k] {
-                assert_eq!(scale.integer(x * unit), x.round() as i64, "{x}");
-            }
-        }
-        for x in [f64::INFINITY, f64::NEG_INFINITY, 1e300, -1e300, f64::NAN] {
-            assert_eq!(scale.integer(x), x.round() as i64, "{x}");
-        }
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Ghosts: copies of the particles of other ranks that owned particles may touch, refreshed at every stage.
 
 use super::{Comm, Parcels};
+use crate::model::particle::{Motion, Spin};
 use crate::ode::Linear;
-use crate::parallel::{self, Cut, GRAIN};
-use crate::particle::{Motion, Spin};
+use crate::threads::{self, Cut, GRAIN};
 
 /// What a rank's particles occupy along an axis, m; `low > high` when it owns none.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -125,7 +125,7 @@ impl Halo {
                 picked(first + k, i as usize).pack(slots);
             }
         };
-        parallel::parts(self.picks.len(), GRAIN, (rows, &self.picks[..]), &pack, &|(), ()| ());
+        threads::parts(self.picks.len(), GRAIN, (rows, &self.picks[..]), &pack, &|(), ()| ());
     }
 
     /// Sends what `pack` made, and does `work` while the ghosts are under way; `deliver` brings them. Collective for ranks
@@ -137,7 +137,7 @@ impl Halo {
     /// Brings the ghosts up to date with what the last exchange received.
     pub fn deliver<W: Spin>(&self, ghosts: &mut [Motion<W>]) {
         let width = Motion::<W>::COMPONENTS;
-        parallel::for_chunks(ghosts, GRAIN, |first, ghosts| {
+        threads::for_chunks(ghosts, GRAIN, |first, ghosts| {
             let rows = self.incoming.data[first * width..].chunks_exact(width);
             ghosts.iter_mut().zip(rows).for_each(|(ghost, slots)| *ghost = Motion::unpack(slots));
         });
@@ -160,7 +160,8 @@ impl Halo {
 mod tests {
     use super::*;
     use crate::domain::comm::team::team;
-    use crate::particle::{Spinning, Vec3};
+    use crate::math::vector::Vec3;
+    use crate::model::particle::Spinning;
 
     #[test]
     fn an_empty_extent_is_near_nothing() {

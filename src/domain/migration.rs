@@ -3,7 +3,8 @@
 use super::slabs::Slabs;
 use super::{Comm, Parcels};
 use crate::error::Error;
-use crate::particle::{Motion, Spin, Vec3};
+use crate::math::vector::Vec3;
+use crate::model::particle::{Motion, Spin};
 
 /// What the ids of all particles add up to; compared after every migration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -146,7 +147,7 @@ mod tests {
     use super::*;
     use crate::domain::Solo;
     use crate::domain::comm::team::team;
-    use crate::particle::Locked;
+    use crate::model::particle::Locked;
 
     fn body(id: u64) -> Motion<Locked> {
         Motion {

@@ -1,8 +1,10 @@
 //! How the particles are spread over ranks: slabs along an axis, ghosts beyond them, migration between them.
 
+pub mod agreement;
 pub mod comm;
 pub mod exact;
 pub mod halo;
+pub mod launch;
 pub mod migration;
 pub mod rows;
 pub mod slabs;

@@ -1,8 +1,8 @@
 //! Particles in the order of their ids, in equal blocks over the ranks: what a frame of the output holds.
 
 use super::{Comm, Parcels};
-use crate::parallel::{self, GRAIN};
-use crate::particle::{Motion, Spin};
+use crate::model::particle::{Motion, Spin};
+use crate::threads::{self, GRAIN};
 use std::ops::Range;
 
 /// The ids that `rank` of `size` ranks writes, of `count` in all.
@@ -56,7 +56,7 @@ impl<'a, W: Spin> ById<'a, W> {
 
     /// What `of` makes of each state, by the threads of this rank.
     pub fn map<T: Send>(&self, of: impl Fn(&Motion<W>) -> T + Sync) -> Vec<T> {
-        parallel::collect(self.places.len(), GRAIN, |i| {
+        threads::collect(self.places.len(), GRAIN, |i| {
             let place = self.places[i] as usize;
             of(self.own.get(place).unwrap_or_else(|| &self.guests[place - self.own.len()]))
         })
@@ -80,7 +80,8 @@ impl<'a, W: Spin> ById<'a, W> {
 mod tests {
     use super::*;
     use crate::domain::comm::team::team;
-    use crate::particle::{Spinning, Vec3};
+    use crate::math::vector::Vec3;
+    use crate::model::particle::Spinning;
 
     #[test]
     fn blocks_cover_all_ids_once() {

@@ -1,7 +1,7 @@
 //! Slabs along an axis: which rank owns which particle. Bounds follow the particles; they never touch the physics.
 
 use super::Comm;
-use crate::particle::Vec3;
+use crate::math::vector::Vec3;
 
 /// A rank may have this many times its fair share of the work before the bounds move.
 const TOLERATED_IMBALANCE: f64 = 1.04;

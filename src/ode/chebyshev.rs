@@ -5,9 +5,8 @@
 //! stay bounded along the negative real axis up to 0.65 s^2, so that s right-hand sides cover a stiffness that s^2/5
 //! steps of a classical method would need.
 
-use super::{
-    Anchor, Ivp, Linear, Losses, Method, Norm, SpectralRadius, Trial, Verdict, add_losses, hermite, larger,
-};
+use super::{Anchor, Ivp, Linear, Losses, Method, Norm, SpectralRadius, Trial, Verdict, add_losses, hermite};
+use crate::math::larger;
 
 /// Damping epsilon: the polynomials stay below 1 - epsilon/3 in magnitude, and the stable region is a strip instead of
 /// beads on the axis.

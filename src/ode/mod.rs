@@ -3,6 +3,9 @@
 
 pub mod chebyshev;
 pub mod controller;
+pub mod integrator;
+pub mod method_switch;
+mod names;
 pub mod runge_kutta;
 pub mod spectral;
 pub mod tableau;
@@ -12,6 +15,7 @@ pub mod verlet;
 
 pub use chebyshev::Chebyshev;
 pub use controller::{Decision, Limit, StepControl, StepRule};
+pub use names::{MethodName, NormName};
 pub use runge_kutta::RungeKutta;
 pub use spectral::SpectralRadius;
 pub use tableau::{DORMAND_PRINCE, MERSON, Tableau};
@@ -331,17 +335,4 @@ pub(crate) fn hermite<S: Linear>(share: f64, h: f64, [y0, f0]: [&S; 2], [y1, f1]
     state.add_scaled(h * share * rest * rest, f0);
     state.add_scaled(-h * share * share * rest, f1);
     state
-}
-
-/// The larger of two magnitudes where NaN counts as +infinity (`f64::max` would drop it).
-#[inline(always)]
-pub fn larger(a: f64, b: f64) -> f64 {
-    if b <= a {
-        a
-    } else if b.is_nan() {
-        f64::INFINITY
-    } else {
-        // a < b, or a is NaN, which no caller passes: magnitudes are folded from 0.
-        b
-    }
 }

@@ -1,6 +1,7 @@
 //! One trial step of any explicit Runge-Kutta table.
 
-use super::{Anchor, Ivp, Linear, Losses, Method, Norm, Tableau, Trial, Verdict, add_losses, larger};
+use super::{Anchor, Ivp, Linear, Losses, Method, Norm, Tableau, Trial, Verdict, add_losses};
+use crate::math::larger;
 
 /// Stages of a table at most.
 const MOST: usize = 7;

@@ -1,7 +1,7 @@
 //! How stiff the problem is at a state: the spectral radius of df/dy by a power iteration that needs f alone.
 
 use super::{Anchor, Ivp, Linear, Trial, fit};
-use crate::parallel::{self, GRAIN};
+use crate::threads::{self, GRAIN};
 use serde::{Deserialize, Serialize};
 
 /// The estimate is multiplied by this: a power iteration approaches from below. Damping allows for more, and a step that
@@ -107,7 +107,7 @@ impl SpectralRadius {
         };
         ivp.rhs_of(anchor.t, y, [0, 1], [], &mut trial.slope, &make);
         let (slope, first) = (&trial.slope, &anchor.slope);
-        parallel::for_chunks(direction, GRAIN, |start, chunk| {
+        threads::for_chunks(direction, GRAIN, |start, chunk| {
             for (k, direction) in chunk.iter_mut().enumerate() {
                 let mut image = P::State::zero();
                 image.add_scaled(1.0 / small, &slope[start + k]);

@@ -1,6 +1,7 @@
 //! Every method against problems whose solutions are known: order, stability, inside of steps, counts.
 
 use super::*;
+use crate::math::larger;
 use nalgebra::Vector2;
 
 /// Position and velocity of one oscillator.

@@ -4,7 +4,8 @@
 //! forces are evaluated once a step, at the new positions and the velocities of the half step. That is of order 2 where
 //! forces depend on positions alone and of order 1 where they depend on velocities.
 
-use super::{Anchor, Ivp, Linear, Method, Norm, Trial, Verdict, add_losses, larger};
+use super::{Anchor, Ivp, Linear, Method, Norm, Trial, Verdict, add_losses};
+use crate::math::larger;
 
 /// The method, which remembers nothing.
 #[derive(Debug, Clone, Copy, Default)]

@@ -7,6 +7,7 @@ use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
 use super::{BoxSides, Checkpoint, Container, Grid, Scene, Stop};
 use crate::error::Error;
+use crate::ode::MethodName;
 
 /// Frames that one run may write.
 const MOST_FRAMES: f64 = 1e7;
@@ -97,7 +98,7 @@ fn check_value(
                 }
                 let need = key.need();
                 let message = match what {
-                    Misfit::Outside(range) => {
+                    Misfit::Interrupts(range) => {
                         format!("{path} = {written} is outside {range}: {}", key.help())
                     }
                     Misfit::NotThat => format!("{path} = {written} must be {need}: {}", key.help()),
@@ -111,7 +112,7 @@ fn check_value(
 /// How a value does not fit its key.
 enum Misfit {
     /// The right type, outside a range with two ends.
-    Outside(&'static str),
+    Interrupts(&'static str),
     /// Anything else: the key says what it needs.
     NotThat,
 }
@@ -120,7 +121,7 @@ fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
     let fitting = match (kind, value) {
         (Kind::Number(range), value) => match number(value) {
             Some(number) if range == Range::Share && !number.is_nan() && !range.holds(number) => {
-                return Err(Misfit::Outside("0..1"));
+                return Err(Misfit::Interrupts("0..1"));
             }
             number => number.is_some_and(|number| range.holds(number)),
         },
@@ -130,13 +131,13 @@ fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
         }
         (Kind::Count, DeValue::Integer(integer)) => {
             if !integer_of(integer).is_some_and(|count| (1..=i128::from(LARGEST_COUNT)).contains(&count)) {
-                return Err(Misfit::Outside("1..1000000000"));
+                return Err(Misfit::Interrupts("1..1000000000"));
             }
             true
         }
         (Kind::Seed, DeValue::Integer(integer)) => {
             if integer_of(integer).is_none_or(|seed| u64::try_from(seed).is_err()) {
-                return Err(Misfit::Outside("0..18446744073709551615"));
+                return Err(Misfit::Interrupts("0..18446744073709551615"));
             }
             true
         }
@@ -297,7 +298,7 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
 /// A fixed step belongs to velocity-verlet, a tolerance to all other methods.
 fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
     let solver = &scene.solver;
-    let fixed = solver.method == keys::VELOCITY_VERLET;
+    let fixed = solver.method == MethodName::VelocityVerlet;
     let given = |path: &str| {
         let value = source.value(path).map(|span| source.written(&span)).unwrap_or_default();
         format!("{path} = {value}")

@@ -1,5 +1,6 @@
 //! Every key a scene may hold, with its type, range, unit and a typical value: what messages say about it.
 
+use crate::ode::{MethodName, NormName};
 use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word};
 use Range::{Finite, NotNegative, Positive, PositiveOrInfinite, Share};
 
@@ -52,15 +53,6 @@ pub(super) enum Range {
 
 /// Largest number of particles of one run.
 pub(super) const LARGEST_COUNT: u64 = 1_000_000_000;
-
-/// The time stepping methods there are.
-pub(super) const METHODS: &[&str] = &["auto", "merson", "dormand-prince", "chebyshev", VELOCITY_VERLET];
-
-/// The method with a fixed step.
-pub(super) const VELOCITY_VERLET: &str = "velocity-verlet";
-
-/// The ways to measure the error of a step there are.
-pub(super) const NORMS: &[&str] = &["scaled", super::PAPER_NORM];
 
 const fn required(path: &'static str, kind: Kind, meaning: &'static str, example: &'static str) -> Key {
     Key { path, kind, required: true, meaning, example }
@@ -115,9 +107,9 @@ pub(super) const KEYS: &[Key] = &[
              "the slip v_min in m/s below which friction is regularised", "0.01"),
     optional("friction.rotation", Switch, "whether friction turns the spheres", "true"),
 
-    optional("solver.method", Word(METHODS), "the time stepping method", "\"auto\""),
+    optional("solver.method", Word(MethodName::NAMES), "the time stepping method", "\"auto\""),
     optional("solver.tolerance", Number(Positive), "the error tolerance of a step", "1e-3"),
-    optional("solver.norm", Word(NORMS), "the measure of the error", "\"scaled\""),
+    optional("solver.norm", Word(NormName::NAMES), "the measure of the error", "\"scaled\""),
     optional("solver.velocity_scale", Number(Positive), "the speed in m/s that errors of velocity are compared with", "1.0"),
     optional("solver.neglected_force", Number(NotNegative), "the repulsion in N below which the stabilised method leaves contacts out", "0.0"),
     optional("solver.step", Number(Positive), "the fixed step of velocity-verlet in s", "1e-5"),

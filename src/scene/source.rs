@@ -285,6 +285,28 @@ pub(crate) fn shown(path: &Path) -> String {
     }
 }
 
+/// The parts of a list of TOML values: those of `list` between commas outside brackets and quotes.
+pub fn split_values(list: &str) -> Vec<String> {
+    let (mut parts, mut depth, mut quote) = (vec![String::new()], 0i32, None);
+    for c in list.chars() {
+        match (quote, c) {
+            (None, ',') if depth == 0 => {
+                parts.push(String::new());
+                continue;
+            }
+            (None, '[' | '{') => depth += 1,
+            (None, ']' | '}') => depth -= 1,
+            (None, '\'' | '"') => quote = Some(c),
+            (Some(open), _) if open == c => quote = None,
+            _ => {}
+        }
+        if let Some(part) = parts.last_mut() {
+            part.push(c);
+        }
+    }
+    parts.into_iter().map(|part| part.trim().to_owned()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use serde::Deserialize;

@@ -3,14 +3,15 @@
 // Every test binary uses a part of these helpers.
 #![allow(dead_code)]
 
-use demhybrid::contact::{Law, Rebound, Tangential};
 use demhybrid::domain::Solo;
+use demhybrid::engine::forces::Setting;
+use demhybrid::engine::simulation::{Counts, Frame, Outcome, Simulation, Task, dispatch};
 use demhybrid::error::Error;
-use demhybrid::forces::Setting;
-use demhybrid::particle::{Spin, Vec3};
+use demhybrid::math::vector::Vec3;
+use demhybrid::model::contact::{Law, Rebound, Tangential};
+use demhybrid::model::particle::Spin;
 use demhybrid::scene::Scene;
-use demhybrid::simulation::{Counts, Frame, Outcome, Simulation, Task, dispatch};
-use demhybrid::start::{self, Start};
+use demhybrid::scene::initial_condition::{self, InitialCondition};
 use std::path::{Path, PathBuf};
 
 /// The material of Tab. 4.2 without friction. The tolerance is tight: 1e-9 (m/s, m/s^2) of error rate makes at most
@@ -31,7 +32,7 @@ pub struct Case {
     text: String,
     sets: Vec<String>,
     walls: Vec<String>,
-    start: Start,
+    start: InitialCondition,
 }
 
 impl Case {
@@ -48,7 +49,7 @@ impl Case {
 
     fn from_text(name: &str, text: &str) -> Self {
         let (sets, walls) = (Vec::new(), Vec::new());
-        Case { name: name.into(), text: text.into(), sets, walls, start: Start::default() }
+        Case { name: name.into(), text: text.into(), sets, walls, start: InitialCondition::default() }
     }
 
     /// Overrides `key`, as `--set` does.
@@ -95,7 +96,7 @@ impl Case {
     }
 
     /// The checked scene and its particles: those of the case, else those of the scene's grid or file.
-    pub fn build(&self) -> (Scene, Start) {
+    pub fn build(&self) -> (Scene, InitialCondition) {
         let mut sets = self.sets.clone();
         if !self.walls.is_empty() {
             sets.push(format!("container.wall=[{}]", self.walls.join(", ")));
@@ -103,10 +104,10 @@ impl Case {
         let scene = Scene::parse(&self.name, &self.text, &sets).unwrap();
         let start = match &scene.particles.grid {
             _ if !self.start.x.is_empty() => self.start.clone(),
-            Some(grid) => start::grid(&scene, grid),
-            None => start::read_csv(&scene, &root().join("configs")).unwrap(),
+            Some(grid) => initial_condition::grid(&scene, grid),
+            None => initial_condition::read_csv(&scene, &root().join("configs")).unwrap(),
         };
-        start::check(&scene, &start).unwrap();
+        initial_condition::check(&scene, &start).unwrap();
         (scene, start)
     }
 
@@ -199,8 +200,8 @@ impl Run {
 }
 
 /// Runs `scene` with the kernel of its effects.
-pub fn run(scene: &Scene, start: &Start) -> Result<Run, Error> {
-    struct Plain<'a>(&'a Scene, &'a Start);
+pub fn run(scene: &Scene, start: &InitialCondition) -> Result<Run, Error> {
+    struct Plain<'a>(&'a Scene, &'a InitialCondition);
     impl Task for Plain<'_> {
         type Output = Result<Run, Error>;
         fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Self::Output {
@@ -213,7 +214,7 @@ pub fn run(scene: &Scene, start: &Start) -> Result<Run, Error> {
 /// Runs `scene` with the kernel of `law`, whatever its effects.
 pub fn run_law<R: Rebound, T: Tangential, W: Spin>(
     scene: &Scene,
-    start: &Start,
+    start: &InitialCondition,
     law: Law<R, T>,
 ) -> Result<Run, Error> {
     collect(Simulation::<R, T, W>::new(scene, start, law, &Solo)?)
@@ -222,14 +223,14 @@ pub fn run_law<R: Rebound, T: Tangential, W: Spin>(
 /// `run_law` with spheres that no torque can turn: 1/I = 0.
 pub fn run_unturnable<R: Rebound, T: Tangential, W: Spin>(
     scene: &Scene,
-    start: &Start,
+    start: &InitialCondition,
     law: Law<R, T>,
 ) -> Result<Run, Error> {
     let setting = Setting {
         mass: scene.particles.mass,
         inverse_inertia: 0.0,
         gravity: scene.gravity.into(),
-        walls: demhybrid::container::walls(&scene.container),
+        walls: demhybrid::scene::walls::walls(&scene.container),
     };
     collect(Simulation::<R, T, W>::with_setting(scene, start, law, setting, &Solo)?)
 }

@@ -1,14 +1,15 @@
 //! What may become of a case.
 
-use demhybrid::contact::{Law, Rebound, Tangential};
+use demhybrid::cli::report;
 use demhybrid::domain::comm::Parcels;
 use demhybrid::domain::{Comm, Solo};
+use demhybrid::engine::load;
+use demhybrid::engine::simulation::{Frame, Simulation, Task, dispatch};
 use demhybrid::error::Error;
-use demhybrid::particle::Spin;
-use demhybrid::report;
+use demhybrid::model::contact::{Law, Rebound, Tangential};
+use demhybrid::model::particle::Spin;
 use demhybrid::scene::Scene;
-use demhybrid::simulation::{Frame, Simulation, Task, dispatch};
-use demhybrid::start::{self, Start};
+use demhybrid::scene::initial_condition::{self, InitialCondition};
 use std::cell::Cell;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -84,7 +85,7 @@ impl Judge {
     fn within_bounds(
         &self,
         size: usize,
-        work: impl FnOnce() -> Result<Option<(Scene, Start)>, Error>,
+        work: impl FnOnce() -> Result<Option<(Scene, InitialCondition)>, Error>,
     ) -> Result<Tally, String> {
         let mut verdict = Ok(Tally::default());
         let memory = allocation_counter::measure(|| {
@@ -106,22 +107,22 @@ impl Judge {
     }
 
     /// What the program does before the first step; no start where a grid is too large for a quick look.
-    fn set_up(&self, text: &str, sets: &[String]) -> Result<Option<(Scene, Start)>, Error> {
+    fn set_up(&self, text: &str, sets: &[String]) -> Result<Option<(Scene, InitialCondition)>, Error> {
         let mut scene = Scene::parse("case.toml", text, sets)?;
         reads_back(&scene);
         scene.set_seed_if_missing(7);
         reads_back(&scene);
-        assert!(report::bytes_per_particle(&scene) > 0);
+        assert!(load::bytes_per_particle(&scene) > 0);
         self.start(&scene)
     }
 
-    fn start(&self, scene: &Scene) -> Result<Option<(Scene, Start)>, Error> {
+    fn start(&self, scene: &Scene) -> Result<Option<(Scene, InitialCondition)>, Error> {
         let start = match &scene.particles.grid {
             Some(grid) if grid.count > MOST.0 => return Ok(None),
-            Some(grid) => start::grid(scene, grid),
-            None => start::read_csv(scene, self.folder.path())?,
+            Some(grid) => initial_condition::grid(scene, grid),
+            None => initial_condition::read_csv(scene, self.folder.path())?,
         };
-        start::check(scene, &start)?;
+        initial_condition::check(scene, &start)?;
         Ok(Some((scene.clone(), start)))
     }
 }
@@ -153,7 +154,7 @@ fn well_formed(message: &str) -> Result<(), String> {
 }
 
 /// What is told of an accepted scene, and its first steps, if it is small.
-fn take_steps(scene: &Scene, start: &Start) -> Result<Tally, String> {
+fn take_steps(scene: &Scene, start: &InitialCondition) -> Result<Tally, String> {
     let accepted = Tally { cases: 1, accepted: 1, ..Tally::default() };
     report::plan(&Solo, Path::new("case.toml"), scene, start, 1, "case.vtkhdf");
     if start.x.is_empty() || start.x.len() > MOST.1 {
@@ -176,7 +177,7 @@ fn take_steps(scene: &Scene, start: &Start) -> Result<Tally, String> {
 
 struct Steps<'a> {
     scene: &'a Scene,
-    start: &'a Start,
+    start: &'a InitialCondition,
     comm: &'a Fuel,
 }
 

@@ -1,14 +1,14 @@
 //! Runs a hard case and judges it: the stated outcome and nothing else, within what physics allows.
 
 use crate::scene::{Case, Outcome};
-use demhybrid::contact::{Law, Rebound, Tangential};
+use demhybrid::cli::report::{self, Monitor};
 use demhybrid::domain::Comm;
+use demhybrid::engine::simulation::{self, Counts, Frame, FrameSummary, Simulation, Task};
 use demhybrid::error::Error;
-use demhybrid::particle::Spin;
-use demhybrid::report::{self, Course, Watch};
+use demhybrid::model::contact::{Law, Rebound, Tangential};
+use demhybrid::model::particle::Spin;
 use demhybrid::scene::Scene;
-use demhybrid::simulation::{self, Counts, Frame, Simulation, Task};
-use demhybrid::start::{self, Start};
+use demhybrid::scene::initial_condition::{self, InitialCondition};
 use std::time::Instant;
 
 /// Energy may rise from one frame to a later one by this share of the tolerance, as a share of the largest kinetic energy
@@ -29,7 +29,7 @@ const PATIENCE: f64 = 60.0;
 pub struct Tale {
     pub result: Result<Counts, Error>,
     pub warnings: Vec<String>,
-    pub course: Course,
+    pub course: FrameSummary,
     /// The largest overlap of any frame, m.
     pub overlap: f64,
     /// A number that depends on every bit of every frame, and not on who computed it.
@@ -52,13 +52,13 @@ pub fn run(case: &Case, method: &str, comm: &dyn Comm) -> Tale {
 }
 
 /// Runs a scene. Collective.
-pub fn run_scene(scene: &Scene, start: &Start, comm: &dyn Comm) -> Tale {
+pub fn run_scene(scene: &Scene, start: &InitialCondition, comm: &dyn Comm) -> Tale {
     simulation::dispatch(scene, Telling { scene, start, comm })
 }
 
 struct Telling<'a> {
     scene: &'a Scene,
-    start: &'a Start,
+    start: &'a InitialCondition,
     comm: &'a dyn Comm,
 }
 
@@ -72,7 +72,7 @@ impl Task for Telling<'_> {
             Ok(simulation) => simulation,
             Err(why) => return Tale { result: Err(why), ..tale },
         };
-        let mut watch = Watch::new(scene, start);
+        let mut watch = Monitor::new(scene, start);
         let result = simulation.run(&mut |frame: &Frame<W>| {
             if frame.time == 0.0 {
                 tale.warnings.extend(report::overlap_warning(scene, frame.largest_overlap));
@@ -96,7 +96,7 @@ impl Tale {
         Tale {
             result: Err(why),
             warnings: vec![],
-            course: Course::default(),
+            course: FrameSummary::default(),
             overlap: 0.0,
             digest: 0,
             finite: true,
@@ -106,12 +106,12 @@ impl Tale {
     }
 
     /// A frame was made. Collective.
-    fn look<W: Spin>(&mut self, frame: &Frame<W>, start: &Start, comm: &dyn Comm) {
+    fn look<W: Spin>(&mut self, frame: &Frame<W>, start: &InitialCondition, comm: &dyn Comm) {
         let rows = frame.rows.map(|body| [body.x, body.v, body.omega.vector()]);
         let mut moved = [0.0f64];
         let mut sums = [0u64, 0];
         for (id, row) in (frame.first..).zip(&rows) {
-            let from = row[0] - demhybrid::particle::Vec3::from(start.x[id as usize]);
+            let from = row[0] - demhybrid::math::vector::Vec3::from(start.x[id as usize]);
             moved[0] = moved[0].max(from.norm());
             let numbers = row.iter().flat_map(|vector| vector.iter());
             sums[1] += numbers.clone().filter(|number| !number.is_finite()).count() as u64;
@@ -129,8 +129,8 @@ impl Tale {
     }
 
     /// The energy that rose, as a share of the largest kinetic energy or of what the velocity scale makes.
-    pub fn rise(&self, scene: &Scene, start: &Start) -> f64 {
-        let least = scene.particles.mass * start::velocity_scale(scene, start).powi(2);
+    pub fn rise(&self, scene: &Scene, start: &InitialCondition) -> f64 {
+        let least = scene.particles.mass * initial_condition::velocity_scale(scene, start).powi(2);
         self.course.largest_rise / self.course.largest_kinetic_energy.max(least)
     }
 }

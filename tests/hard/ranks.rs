@@ -49,7 +49,7 @@ fn be_a_rank() {
     let session = world::start().expect("MPI starts");
     let world = &session.world;
     assert_eq!(world.size(), 3);
-    demhybrid::launch::report_panics(world.rank());
+    demhybrid::domain::launch::report_panics(world.rank());
     let all = || cases().iter().map(|case| digest(case, world)).collect::<Vec<_>>();
     // A rank that fails alone must not keep the others waiting.
     let Ok(digests) = std::panic::catch_unwind(std::panic::AssertUnwindSafe(all)) else { world.abort(1) };

@@ -6,9 +6,9 @@ use crate::judge::{Tale, run_scene};
 use crate::scene::Case;
 use demhybrid::domain::Solo;
 use demhybrid::scene::Scene;
-use demhybrid::start::Start;
+use demhybrid::scene::initial_condition::InitialCondition;
 
-fn tell(what: &str, scene: &Scene, start: &Start) -> Tale {
+fn tell(what: &str, scene: &Scene, start: &InitialCondition) -> Tale {
     let tale = run_scene(scene, start, &Solo);
     let counts = tale.result.as_ref().unwrap_or_else(|why| panic!("{what}: {why}"));
     println!(

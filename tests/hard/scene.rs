@@ -2,7 +2,7 @@
 
 use demhybrid::error::Error;
 use demhybrid::scene::Scene;
-use demhybrid::start::{self, Start};
+use demhybrid::scene::initial_condition::{self, InitialCondition};
 use std::path::PathBuf;
 
 /// Steps of velocity-verlet where a scene names none, s: a tenth of what the friction of the paper's material bears.
@@ -126,16 +126,16 @@ impl Case {
     }
 
     /// What the program does before the first step.
-    pub fn set_up(&self, method: &str) -> Result<(Scene, Start), Error> {
+    pub fn set_up(&self, method: &str) -> Result<(Scene, InitialCondition), Error> {
         // A fixed step has no tolerance: that line goes.
         let kept = |line: &&str| method != "velocity-verlet" || !line.starts_with("tolerance");
         let text: String = self.text.lines().filter(kept).flat_map(|line| [line, "\n"]).collect();
         let scene = Scene::parse(&self.name, &text, &self.sets(method))?;
         let start = match &scene.particles.grid {
-            Some(grid) => start::grid(&scene, grid),
-            None => start::read_csv(&scene, &folder())?,
+            Some(grid) => initial_condition::grid(&scene, grid),
+            None => initial_condition::read_csv(&scene, &folder())?,
         };
-        start::check(&scene, &start)?;
+        initial_condition::check(&scene, &start)?;
         Ok((scene, start))
     }
 }

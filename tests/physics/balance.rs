@@ -1,7 +1,7 @@
 //! What a motion conserves or only loses: energy and momentum; and the order at which the method finds the motion.
 
 use crate::common::{Case, Snapshot, assert_near};
-use demhybrid::particle::Vec3;
+use demhybrid::math::vector::Vec3;
 
 const R: f64 = 0.1;
 const F_0: f64 = 10.0;

@@ -1,7 +1,7 @@
 //! Friction and spin: oblique impacts, sliding, rolling, creeping, and the balance of angular momentum.
 
 use crate::common::{Case, Run, assert_near};
-use demhybrid::particle::Vec3;
+use demhybrid::math::vector::Vec3;
 use std::f64::consts::PI;
 
 const R: f64 = 0.1;

@@ -1,7 +1,7 @@
 //! Head-on impacts: elastic ones in closed form, restitution, and the rebound times of Tab. 4.1.
 
 use crate::common::{Case, Run, Snapshot, assert_near};
-use demhybrid::particle::Vec3;
+use demhybrid::math::vector::Vec3;
 
 const R: f64 = 0.1;
 const F_0: f64 = 10.0;

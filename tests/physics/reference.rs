@@ -3,7 +3,7 @@
 
 use crate::common::{root, run};
 use demhybrid::scene::Scene;
-use demhybrid::start::read_csv;
+use demhybrid::scene::initial_condition::read_csv;
 
 /// The case as its file has it: Merson with the published error rate.
 fn check(name: &str) {

@@ -1,7 +1,7 @@
 //! Spheres at rest, alone and in columns, and small oscillations about it.
 
 use crate::common::{Case, assert_near};
-use demhybrid::particle::Vec3;
+use demhybrid::math::vector::Vec3;
 
 const R: f64 = 0.1;
 const F_0: f64 = 10.0;

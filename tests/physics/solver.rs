@@ -2,10 +2,11 @@
 //! nothing, nothing flies through anything, directions are alike, and what cannot be computed is an error.
 
 use crate::common::{Case, Run, run_law, run_unturnable};
-use demhybrid::contact::{Elastic, Frictionless};
-use demhybrid::effects::{coulomb, dissipative, elastic, frictionless, law};
 use demhybrid::error::Error;
-use demhybrid::particle::{Locked, Spinning, Vec3};
+use demhybrid::math::vector::Vec3;
+use demhybrid::model::contact::{Elastic, Frictionless};
+use demhybrid::model::particle::{Locked, Spinning};
+use demhybrid::scene::effects::{coulomb, dissipative, elastic, frictionless, law};
 use nalgebra::Rotation3;
 
 const R: f64 = 0.1;

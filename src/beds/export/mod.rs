@@ -1,0 +1,203 @@
+//! Frames of a run in the formats of other programs.
+
+mod files;
+mod raw;
+mod stl;
+mod text;
+mod vtp;
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+
+use crate::beds::measures::region;
+use crate::error::Error;
+use crate::files::run_file::{RunFile, State};
+use crate::math::vector::Vec3;
+use crate::scene::Scene;
+use files::{File, header_of, numbered};
+
+/// A file format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Positions, velocities and spins by columns, with all digits; particles.file of a scene reads it
+    Csv,
+    /// Extended XYZ with radii and velocities, for OVITO; all frames in one file
+    Xyz,
+    /// VTK XML points, for ParaView of any age
+    Vtp,
+    /// Surfaces of all spheres as binary STL
+    Stl,
+    /// Voxels of pore and solid, a byte each, with a JSON header in FILE.json
+    Raw,
+    /// A LAMMPS data file, atom_style sphere
+    Lammps,
+}
+
+impl Format {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Csv => "csv",
+            Format::Xyz => "xyz",
+            Format::Vtp => "vtp",
+            Format::Stl => "stl",
+            Format::Raw => "raw",
+            Format::Lammps => "lammps",
+        }
+    }
+}
+
+/// A phase of the voxel image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Phase {
+    /// Inside a sphere or beyond a plane of container.wall
+    Solid,
+    /// Everything else
+    Pore,
+}
+
+impl Phase {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Phase::Solid => "solid",
+            Phase::Pore => "pore",
+        }
+    }
+}
+
+/// What is written, and where.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Format.
+    pub to: Format,
+    /// File; with `numbered` the number of a frame goes before its extension.
+    pub output: PathBuf,
+    /// Whether every frame has a file of its own, unless the format holds all of them.
+    pub numbered: bool,
+    /// Voxels per radius.
+    pub resolution: Option<f64>,
+    /// What is 1 in a voxel image.
+    pub ones: Option<Phase>,
+    /// How often the triangles of a sphere are divided into 4.
+    pub subdivisions: Option<u32>,
+    /// Whether existing files are replaced.
+    pub force: bool,
+}
+
+/// Voxels per radius where the command line says nothing.
+const RESOLUTION: f64 = 10.0;
+/// Divisions of the triangles of a sphere where the command line says nothing.
+const SUBDIVISIONS: u32 = 2;
+/// Most divisions: 20 * 4^7 triangles a sphere.
+pub const MOST_SUBDIVISIONS: u32 = 7;
+
+/// A frame, and what does not change from frame to frame.
+pub struct FrameData<'a> {
+    /// The scene as resolved.
+    pub scene: &'a Scene,
+    /// All particles, by id.
+    pub state: &'a State,
+}
+
+impl FrameData<'_> {
+    /// Radius of all spheres, m.
+    fn radius(&self) -> f64 {
+        self.scene.particles.radius
+    }
+
+    /// Centres, m.
+    fn centres(&self) -> Vec<Vec3> {
+        self.state.x.iter().map(|&x| x.into()).collect()
+    }
+
+    /// A box that holds all centres, as its lower and upper corner, m: the container's where it does.
+    fn cell(&self) -> (Vec3, Vec3) {
+        let x = self.centres();
+        let r = self.radius();
+        let (low, high) = region::container_box(self.scene, &x);
+        x.iter().fold((low, high), |(low, high), x| {
+            let outside = |k: usize| x[k] <= low[k] || x[k] >= high[k];
+            let reach = Vec3::from_fn(|k, _| if outside(k) { r } else { 0.0 });
+            (low.inf(&(x - reach)), high.sup(&(x + reach)))
+        })
+    }
+}
+
+/// Writes the `frames` of `run`; the files that were written.
+pub fn write(run: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<PathBuf>, Error> {
+    let one_file = !options.numbered || options.to == Format::Xyz;
+    let targets: Vec<PathBuf> = match one_file {
+        true => vec![options.output.clone()],
+        false => frames.iter().map(|&k| numbered(&options.output, k)).collect(),
+    };
+    for target in &targets {
+        files::check(target, run.path(), options.force)?;
+        if options.to == Format::Raw {
+            files::check(&header_of(target), run.path(), options.force)?;
+        }
+    }
+    if options.to == Format::Raw {
+        // Before any file: all frames must fit.
+        for &k in frames {
+            let state = run.state(k)?;
+            image(options, &FrameData { scene: &run.scene, state: &state })?;
+        }
+    }
+    let mut written = Vec::new();
+    let mut file = None;
+    for (number, &k) in frames.iter().enumerate() {
+        let state = run.state(k)?;
+        let frame = FrameData { scene: &run.scene, state: &state };
+        if number < targets.len() {
+            finish(file.take())?;
+            let target = &targets[number];
+            file = Some(File::create(target, options.force)?);
+            written.push(target.clone());
+        }
+        let out = file.as_mut().expect("the first frame has a file");
+        match options.to {
+            Format::Csv => out.write(|out| text::csv(&frame, out))?,
+            Format::Xyz => out.write(|out| text::xyz(&frame, out))?,
+            Format::Lammps => out.write(|out| text::lammps(&frame, out))?,
+            Format::Vtp => out.write(|out| vtp::write(&frame, out))?,
+            Format::Stl => {
+                let subdivisions = options.subdivisions.unwrap_or(SUBDIVISIONS);
+                stl::check(&frame, subdivisions)?;
+                out.write(|out| stl::write(&frame, subdivisions, out))?;
+            }
+            Format::Raw => {
+                let image = image(options, &frame)?;
+                let mut ones = 0;
+                out.write(|out| {
+                    ones = image.write(&frame, out)?;
+                    Ok(())
+                })?;
+                let header = header_of(&targets[number]);
+                let text = image.header(&frame, &targets[number], ones);
+                let mut file = File::create(&header, options.force)?;
+                file.write(|out| out.write_all(text.as_bytes()))?;
+                file.finish()?;
+                written.push(header);
+            }
+        }
+    }
+    finish(file)?;
+    Ok(written)
+}
+
+fn finish(file: Option<File>) -> Result<(), Error> {
+    file.map_or(Ok(()), File::finish)
+}
+
+/// The voxel image that is asked for.
+fn image(options: &Options, frame: &FrameData) -> Result<raw::Image, Error> {
+    raw::Image::of(frame, options.resolution.unwrap_or(RESOLUTION), options.ones.unwrap_or(Phase::Solid))
+}
+
+/// A vector with the fewest digits that read back as the same doubles, its components after `separator` each.
+fn vector(out: &mut dyn Write, vector: &[f64; 3], separator: &str) -> io::Result<()> {
+    vector.iter().try_for_each(|number| write!(out, "{separator}{number:?}"))
+}

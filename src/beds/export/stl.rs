@@ -1,0 +1,134 @@
+//! Surfaces as binary STL: every sphere is an icosahedron whose triangles are divided and pushed out to the sphere.
+
+use std::collections::HashMap;
+use std::io::{self, Write};
+
+use super::FrameData;
+use crate::error::Error;
+use crate::math::vector::Vec3;
+
+/// Triangles of the unit sphere: corners, and three of them each, counter-clockwise from outside.
+struct Mesh {
+    corners: Vec<Vec3>,
+    triangles: Vec<[usize; 3]>,
+}
+
+impl Mesh {
+    /// The regular icosahedron with its triangles divided into four as often as asked for.
+    fn icosphere(subdivisions: u32) -> Self {
+        let golden = (1.0 + 5f64.sqrt()) / 2.0;
+        let mut corners = Vec::new();
+        for axis in 0..3 {
+            for (a, b) in [(1.0, golden), (-1.0, golden), (1.0, -golden), (-1.0, -golden)] {
+                let mut corner = Vec3::zeros();
+                corner[(axis + 1) % 3] = a;
+                corner[(axis + 2) % 3] = b;
+                corners.push(corner.normalize());
+            }
+        }
+        let edge = 2.0 / (1.0 + golden * golden).sqrt();
+        let near = |i: usize, j: usize| (corners[i] - corners[j]).norm() < 1.01 * edge;
+        let mut triangles = Vec::new();
+        for i in 0..12 {
+            for j in i + 1..12 {
+                for k in j + 1..12 {
+                    if near(i, j) && near(j, k) && near(k, i) {
+                        let outward = (corners[j] - corners[i]).cross(&(corners[k] - corners[i]));
+                        triangles.push(if outward.dot(&corners[i]) > 0.0 { [i, j, k] } else { [i, k, j] });
+                    }
+                }
+            }
+        }
+        let mut mesh = Mesh { corners, triangles };
+        (0..subdivisions).for_each(|_| mesh.divide());
+        mesh
+    }
+
+    fn divide(&mut self) {
+        let mut middles: HashMap<[usize; 2], usize> = HashMap::new();
+        let corners = &mut self.corners;
+        let mut middle = |i: usize, j: usize| {
+            *middles.entry([i.min(j), i.max(j)]).or_insert_with(|| {
+                corners.push((corners[i] + corners[j]).normalize());
+                corners.len() - 1
+            })
+        };
+        self.triangles = self
+            .triangles
+            .iter()
+            .flat_map(|&[i, j, k]| {
+                let [a, b, c] = [middle(i, j), middle(j, k), middle(k, i)];
+                [[i, a, c], [a, j, b], [c, b, k], [a, b, c]]
+            })
+            .collect();
+    }
+}
+
+fn triangles(frame: &FrameData, subdivisions: u32) -> u64 {
+    frame.state.x.len() as u64 * 20 * 4u64.pow(subdivisions)
+}
+
+/// Refuses more triangles than the format can count.
+pub fn check(frame: &FrameData, subdivisions: u32) -> Result<(), Error> {
+    let count = triangles(frame, subdivisions);
+    if count > u64::from(u32::MAX) {
+        return Err(Error::Input(format!(
+            "--subdivisions {subdivisions}: {count} triangles for {} spheres, and STL counts to {}: choose a smaller \
+             number",
+            frame.state.x.len(),
+            u32::MAX
+        )));
+    }
+    Ok(())
+}
+
+/// Writes the surfaces, in m; overlapping spheres are not joined.
+pub fn write(frame: &FrameData, subdivisions: u32, out: &mut dyn Write) -> io::Result<()> {
+    let mesh = Mesh::icosphere(subdivisions);
+    let mut head = [b' '; 80];
+    let text = b"demhybrid, binary STL, m";
+    head[..text.len()].copy_from_slice(text);
+    out.write_all(&head)?;
+    out.write_all(&(triangles(frame, subdivisions) as u32).to_le_bytes())?;
+    for &x in &frame.state.x {
+        let centre = Vec3::from(x);
+        for triangle in &mesh.triangles {
+            let corners = triangle.map(|k| mesh.corners[k]);
+            let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).normalize();
+            for vector in [normal].into_iter().chain(corners.map(|corner| centre + corner * frame.radius())) {
+                for number in vector.iter() {
+                    out.write_all(&(*number as f32).to_le_bytes())?;
+                }
+            }
+            out.write_all(&[0; 2])?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn an_icosphere_is_closed_points_outwards_and_approaches_the_sphere() {
+        for (subdivisions, missing) in [(0, 0.4), (2, 0.05), (4, 0.003)] {
+            let mesh = Mesh::icosphere(subdivisions);
+            assert_eq!(mesh.triangles.len(), 20 * 4usize.pow(subdivisions));
+            // Euler: V - E + F = 2 with E = 3/2 F.
+            assert_eq!(mesh.corners.len(), 2 + mesh.triangles.len() / 2);
+            let mut edges = std::collections::HashSet::new();
+            let mut volume = 0.0;
+            for &[i, j, k] in &mesh.triangles {
+                for edge in [[i, j], [j, k], [k, i]] {
+                    assert!(edges.insert(edge), "twice in one direction: {edge:?}");
+                }
+                volume += mesh.corners[i].dot(&mesh.corners[j].cross(&mesh.corners[k])) / 6.0;
+            }
+            assert!(edges.iter().all(|&[i, j]| edges.contains(&[j, i])));
+            let share = volume / (4.0 / 3.0 * PI);
+            assert!(share < 1.0 && share > 1.0 - missing, "{subdivisions}: {share}");
+        }
+    }
+}

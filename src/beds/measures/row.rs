@@ -1,0 +1,115 @@
+//! What is measured of one frame of a run.
+
+use serde::Serialize;
+
+use super::contacts::{Contact, Partner, contacts, fewest_that_hold, rattlers};
+use super::union::{Region, Spheres};
+use crate::files::run_file::State;
+use crate::math::vector::Vec3;
+use crate::scene::Scene;
+
+/// One frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct Row {
+    /// Number of the frame.
+    pub frame: u64,
+    /// Time, s.
+    pub time: f64,
+    /// Share of the region that spheres cover.
+    pub volume_fraction: f64,
+    /// The rest.
+    pub porosity: f64,
+    /// Share of the region that spheres cover a second time and more, each time counted.
+    pub overlap_fraction: f64,
+    /// The paper's count in the unit cube.
+    pub paper_count_in_unit_cube: Option<f64>,
+    /// Share of the unit cube that spheres cover.
+    pub volume_fraction_in_unit_cube: Option<f64>,
+    /// Mean number of spheres that a sphere touches.
+    pub mean_coordination: f64,
+    /// The same of those that are no rattlers, among themselves.
+    pub mean_coordination_without_rattlers: f64,
+    /// Spheres that are not held.
+    pub rattlers: usize,
+    /// Contacts between spheres.
+    pub contacts: usize,
+    /// Contacts with walls.
+    pub wall_contacts: usize,
+    /// Mean overlap of contacts between spheres, m.
+    pub mean_overlap: f64,
+    /// Largest overlap of any contact, m.
+    pub largest_overlap: f64,
+    /// Mean normal force of contacts between spheres, N.
+    pub mean_force: f64,
+    /// Largest normal force of any contact, N.
+    pub largest_force: f64,
+    /// Highest point of any sphere, m.
+    pub bed_height: f64,
+}
+
+impl Row {
+    /// Measures a frame.
+    pub fn of(scene: &Scene, state: &State, region: &Region) -> Row {
+        let contacts = contacts(scene, state);
+        let x = centres(state);
+        let spheres = Spheres::new(&x, scene.particles.radius);
+        Row::with(scene, state, region, &contacts, &spheres)
+    }
+
+    /// Measures a frame whose `contacts` and `spheres` are known.
+    pub fn with(
+        scene: &Scene,
+        state: &State,
+        region: &Region,
+        contacts: &[Contact],
+        spheres: &Spheres,
+    ) -> Row {
+        let r = scene.particles.radius;
+        let x = centres(state);
+        let count = x.len();
+        let volumes = spheres.volumes(region);
+        let cube = in_unit_cube(&x, r, spheres);
+        let loose = rattlers(count, contacts, fewest_that_hold(scene));
+        let pairs: Vec<&Contact> =
+            contacts.iter().filter(|contact| matches!(contact.partner, Partner::Sphere(_))).collect();
+        let firm = |contact: &&&Contact| matches!(contact.partner, Partner::Sphere(j) if !loose[contact.i] && !loose[j]);
+        let held = loose.iter().filter(|&&loose| !loose).count();
+        let share = |sum: f64, count: usize| if count == 0 { 0.0 } else { sum / count as f64 };
+        let largest = |of: fn(&Contact) -> f64| contacts.iter().map(of).fold(0.0, f64::max);
+        Row {
+            frame: state.frame,
+            time: state.time,
+            volume_fraction: volumes.union / volumes.region,
+            porosity: 1.0 - volumes.union / volumes.region,
+            overlap_fraction: (volumes.spheres - volumes.union).max(0.0) / volumes.region,
+            paper_count_in_unit_cube: cube.map(|[count, _]| count),
+            volume_fraction_in_unit_cube: cube.map(|[_, union]| union),
+            mean_coordination: share(2.0 * pairs.len() as f64, count),
+            mean_coordination_without_rattlers: share(2.0 * pairs.iter().filter(firm).count() as f64, held),
+            rattlers: count - held,
+            contacts: pairs.len(),
+            wall_contacts: contacts.len() - pairs.len(),
+            mean_overlap: share(pairs.iter().map(|contact| contact.overlap).sum(), pairs.len()),
+            largest_overlap: largest(|contact| contact.overlap),
+            mean_force: share(pairs.iter().map(|contact| contact.force).sum(), pairs.len()),
+            largest_force: largest(|contact| contact.force),
+            bed_height: x.iter().map(|x| x.z + r).fold(f64::NEG_INFINITY, f64::max),
+        }
+    }
+}
+
+/// The spheres of a state.
+pub fn centres(state: &State) -> Vec<Vec3> {
+    state.x.iter().map(|&x| x.into()).collect()
+}
+
+/// The unit cube, in which the paper counts.
+fn unit_cube() -> Region {
+    Region::Box { low: Vec3::zeros(), high: Vec3::repeat(1.0) }
+}
+
+/// Volumes in the unit cube: the paper's count, and the exact share of the union; none where it holds no sphere.
+fn in_unit_cube(x: &[Vec3], r: f64, spheres: &Spheres) -> Option<[f64; 2]> {
+    let union = spheres.volumes(&unit_cube()).union;
+    (union > 0.0).then(|| [crate::beds::measures::paper_volume_fraction(x, r), union])
+}

@@ -1,0 +1,405 @@
+//! The volume of the union of equal spheres inside a box or a cylinder, to the last digits but a few.
+//!
+//! A point that several spheres cover is counted for the one with the nearest centre. So each sphere counts with what is
+//! left of it by the planes half-way to those it overlaps and by the bounds of the region: a ball cut by half-spaces.
+//! Where no two of the cuts meet inside the ball, it has lost caps. Elsewhere the areas of its horizontal sections, which
+//! are exact ([`super::flat`]), are integrated by Gauss's rule between the heights at which their shape changes.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::num::NonZeroUsize;
+use std::sync::OnceLock;
+
+use gauss_quad::GaussLegendre;
+use rayon::prelude::*;
+
+use super::flat::Flat;
+use crate::engine::neighbors::{Key, Lists};
+use crate::math::vector::Vec3;
+
+/// Largest error that a ball may have, in r^3: far above rounding, far below anything measured.
+const TOLERANCE: f64 = 1e-11;
+/// How often a stretch of heights may be halved.
+const HALVINGS: u32 = 12;
+
+/// The points x with n . x <= b.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Half {
+    /// Outward unit normal.
+    pub n: Vec3,
+    /// Distance of the plane from the origin along it, m.
+    pub b: f64,
+}
+
+/// A part of space with a known volume.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Region {
+    /// From the lower to the upper corner, m.
+    Box {
+        /// Lower corner, m.
+        low: Vec3,
+        /// Upper corner, m.
+        high: Vec3,
+    },
+    /// An upright cylinder.
+    Cylinder {
+        /// Axis, x and y, m.
+        axis: [f64; 2],
+        /// Radius, m.
+        radius: f64,
+        /// Lower and upper end, m.
+        ends: [f64; 2],
+    },
+}
+
+impl Region {
+    /// Its volume, m^3.
+    pub fn volume(&self) -> f64 {
+        match self {
+            Region::Box { low, high } => (high - low).iter().product(),
+            Region::Cylinder { radius, ends, .. } => PI * radius * radius * (ends[1] - ends[0]),
+        }
+    }
+
+    /// Lower and upper corner of the smallest box around it, m.
+    pub fn bounds(&self) -> (Vec3, Vec3) {
+        match *self {
+            Region::Box { low, high } => (low, high),
+            Region::Cylinder { axis: [x, y], radius, ends } => {
+                (Vec3::new(x - radius, y - radius, ends[0]), Vec3::new(x + radius, y + radius, ends[1]))
+            }
+        }
+    }
+
+    /// Area of its section with the plane on which coordinate `axis` is `at` (m), m^2.
+    pub fn section(&self, axis: usize, at: f64) -> f64 {
+        let (low, high) = self.bounds();
+        if at < low[axis] || at > high[axis] {
+            return 0.0;
+        }
+        let sides = high - low;
+        match *self {
+            Region::Cylinder { radius, .. } if axis == 2 => PI * radius * radius,
+            Region::Cylinder { axis: middle, radius, ends } => {
+                2.0 * (radius.powi(2) - (at - middle[axis]).powi(2)).max(0.0).sqrt() * (ends[1] - ends[0])
+            }
+            Region::Box { .. } => sides[(axis + 1) % 3] * sides[(axis + 2) % 3],
+        }
+    }
+
+    /// Whether `x` (m) is inside.
+    pub fn holds(&self, x: &Vec3) -> bool {
+        self.halves().iter().all(|half| half.n.dot(x) <= half.b)
+            && self.pillar().is_none_or(|(axis, radius)| (x.x - axis[0]).hypot(x.y - axis[1]) <= radius)
+    }
+
+    fn halves(&self) -> Vec<Half> {
+        let (low, high) = self.bounds();
+        let axes = match self {
+            Region::Box { .. } => 0..3,
+            Region::Cylinder { .. } => 2..3,
+        };
+        let side = |axis: usize| {
+            let n = Vec3::from_fn(|k, _| if k == axis { 1.0 } else { 0.0 });
+            [Half { n, b: high[axis] }, Half { n: -n, b: -low[axis] }]
+        };
+        axes.flat_map(side).collect()
+    }
+
+    fn pillar(&self) -> Option<([f64; 2], f64)> {
+        match *self {
+            Region::Box { .. } => None,
+            Region::Cylinder { axis, radius, .. } => Some((axis, radius)),
+        }
+    }
+}
+
+/// Spheres and, of each, the planes half-way to those that it overlaps.
+pub struct Spheres<'a> {
+    x: &'a [Vec3],
+    r: f64,
+    cuts: Vec<Vec<Half>>,
+    /// Those that lie on a sphere of a lower number.
+    hidden: Vec<bool>,
+}
+
+/// Volumes inside a region, m^3.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Volumes {
+    /// Of all points in any sphere.
+    pub union: f64,
+    /// Of all spheres, points in several counting as often.
+    pub spheres: f64,
+    /// Of the region.
+    pub region: f64,
+}
+
+impl<'a> Spheres<'a> {
+    /// Of radius `r` (m) around `x` (m).
+    pub fn new(x: &'a [Vec3], r: f64) -> Self {
+        let mut cuts = vec![Vec::new(); x.len()];
+        let mut hidden = vec![false; x.len()];
+        for_each_pair(x, 2.0 * r, |[i, j]| {
+            let apart = x[j] - x[i];
+            let d = apart.norm();
+            if d > 0.0 {
+                let n = apart / d;
+                cuts[i].push(Half { n, b: n.dot(&x[i]) + d / 2.0 });
+                cuts[j].push(Half { n: -n, b: d / 2.0 - n.dot(&x[j]) });
+            } else {
+                hidden[i.max(j)] = true;
+            }
+        });
+        x.par_iter().zip(&mut cuts).for_each(|(x, cuts)| drop_idle(x, r, cuts));
+        Spheres { x, r, cuts, hidden }
+    }
+
+    /// Volumes inside `region`. The same bits on any number of threads.
+    pub fn volumes(&self, region: &Region) -> Volumes {
+        let bounds = region.halves();
+        let pillar = region.pillar();
+        let (low, high) = region.bounds();
+        let each: Vec<[f64; 2]> = (0..self.x.len())
+            .into_par_iter()
+            .map(|i| {
+                let x = &self.x[i];
+                if (0..3).any(|k| x[k] + self.r <= low[k] || x[k] - self.r >= high[k]) {
+                    return [0.0; 2];
+                }
+                let whole = Ball::new(x, self.r, bounds.iter(), pillar).volume();
+                let own = if self.hidden[i] {
+                    0.0
+                } else if self.cuts[i].is_empty() {
+                    whole
+                } else {
+                    Ball::new(x, self.r, bounds.iter().chain(&self.cuts[i]), pillar).volume()
+                };
+                [own, whole]
+            })
+            .collect();
+        let sum = |k: usize| each.iter().map(|volumes| volumes[k]).sum();
+        Volumes { union: sum(0), spheres: sum(1), region: region.volume() }
+    }
+
+    /// Area of the union's section with the plane on which coordinate `axis` is `at` (m) inside `region`, m^2.
+    pub fn section(&self, region: &Region, axis: usize, at: f64) -> f64 {
+        let bounds = region.halves();
+        let mut flat = Flat::default();
+        let mut area = 0.0;
+        for (i, x) in self.x.iter().enumerate() {
+            let height = at - x[axis];
+            if height.abs() < self.r && !self.hidden[i] {
+                let ball = Ball::new(x, self.r, bounds.iter().chain(&self.cuts[i]), region.pillar());
+                area += ball.section(axis, height, &mut flat);
+            }
+        }
+        area
+    }
+}
+
+/// Drops the half-spaces around a ball at `x` (m), which all hold its centre, whose planes the others have cut off
+/// altogether: there are many of them where many spheres overlap.
+fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
+    let local = |half: &Half| half.b - half.n.dot(x);
+    halves.sort_by(|a, b| local(a).total_cmp(&local(b)));
+    let mut flat = Flat::default();
+    let mut idle = |half: &Half, others: &mut dyn Iterator<Item = &Half>| {
+        let (n, b) = (half.n, local(half));
+        let u = if n.x.abs() < 0.6 { n.cross(&Vec3::x()) } else { n.cross(&Vec3::y()) }.normalize();
+        let v = n.cross(&u);
+        flat.clear();
+        flat.within([0.0; 2], (r * r - b * b).max(0.0).sqrt());
+        for other in others {
+            flat.below([other.n.dot(&u), other.n.dot(&v)], local(other) - b * other.n.dot(&n));
+        }
+        flat.area() <= 1e-13 * r * r
+    };
+    // The nearest planes cut off most of the others; then those that lost their place to a later one.
+    let mut kept: Vec<Half> = Vec::new();
+    for half in halves.iter() {
+        if !idle(half, &mut kept.iter()) {
+            kept.push(*half);
+        }
+    }
+    for k in (0..kept.len()).rev() {
+        let (before, after) = kept.split_at(k);
+        if idle(&after[0], &mut before.iter().chain(&after[1..])) {
+            kept.remove(k);
+        }
+    }
+    *halves = kept;
+}
+
+/// Calls `visit` for every pair with centres within `reach` (m) of each other, in an order that depends on `x` alone.
+pub fn for_each_pair(x: &[Vec3], reach: f64, visit: impl FnMut([usize; 2])) {
+    let keys: Vec<Key> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
+    let mut lists = Lists::default();
+    lists.rebuild(x, &keys, x.len(), reach, (&[], reach), 1);
+    lists.blocks.iter().flat_map(|block| block.first_pairs()).for_each(visit);
+}
+
+/// What half-spaces, and perhaps an upright cylinder, leave of a ball around the origin.
+struct Ball {
+    r: f64,
+    halves: Vec<Half>,
+    pillar: Option<([f64; 2], f64)>,
+    empty: bool,
+}
+
+impl Ball {
+    fn new<'h>(
+        x: &Vec3,
+        r: f64,
+        halves: impl Iterator<Item = &'h Half>,
+        pillar: Option<([f64; 2], f64)>,
+    ) -> Self {
+        let local = halves.map(|half| Half { n: half.n, b: half.b - half.n.dot(x) });
+        let halves: Vec<Half> = local.filter(|half| half.b < r).collect();
+        let pillar = pillar.map(|(axis, radius)| ([axis[0] - x.x, axis[1] - x.y], radius));
+        let away = |axis: [f64; 2]| axis[0].hypot(axis[1]);
+        let mut empty = halves.iter().any(|half| half.b <= -r);
+        empty |= pillar.is_some_and(|(axis, radius)| away(axis) >= radius + r);
+        let pillar = pillar.filter(|&(axis, radius)| away(axis) + r > radius);
+        Ball { r, halves, pillar, empty }
+    }
+
+    fn volume(&self) -> f64 {
+        let r = self.r;
+        if self.empty {
+            return 0.0;
+        }
+        if self.pillar.is_none() && self.caps_are_apart() {
+            let caps = self.halves.iter().map(|half| {
+                let h = r - half.b;
+                PI * h * h * (3.0 * r - h) / 3.0
+            });
+            return (4.0 / 3.0 * PI * r.powi(3) - caps.sum::<f64>()).max(0.0);
+        }
+        let mut flat = Flat::default();
+        let heights = self.heights();
+        heights
+            .windows(2)
+            .map(|ends| {
+                let (middle, half) = ((ends[0] + ends[1]) / 2.0, (ends[1] - ends[0]) / 2.0);
+                // The area grows from an end like a root: in the sine of an angle it is smooth.
+                let mut area = |s: f64| {
+                    let (sine, cosine) = (FRAC_PI_2 * s).sin_cos();
+                    half * FRAC_PI_2 * cosine * self.section(2, middle + half * sine, &mut flat)
+                };
+                integral(&mut area, [-1.0, 1.0], TOLERANCE * r.powi(3) / heights.len() as f64, HALVINGS)
+            })
+            .sum()
+    }
+
+    /// Whether no two of the caps that are cut off meet: the angle between their axes is larger than those from axis to
+    /// rim together.
+    fn caps_are_apart(&self) -> bool {
+        let opening = |half: &Half| (half.b / self.r).clamp(-1.0, 1.0).acos();
+        self.halves.iter().enumerate().all(|(k, a)| {
+            self.halves[..k].iter().all(|b| a.n.dot(&b.n).clamp(-1.0, 1.0).acos() >= opening(a) + opening(b))
+        })
+    }
+
+    /// Heights between which the section does not change its shape, ascending; with a cylinder some may be missing.
+    fn heights(&self) -> Vec<f64> {
+        let (r, z) = (self.r, Vec3::z());
+        let (mut low, mut high) = (-r, r);
+        let mut found = Vec::new();
+        let mut add = |point: Vec3| {
+            if self.halves.iter().all(|half| half.n.dot(&point) <= half.b + 1e-9 * r) {
+                found.push(point.z);
+            }
+        };
+        for (k, a) in self.halves.iter().enumerate() {
+            if a.n.z.abs() > 1.0 - 1e-14 {
+                if a.n.z > 0.0 {
+                    high = high.min(a.b)
+                } else {
+                    low = low.max(-a.b)
+                }
+                continue;
+            }
+            // Highest and lowest point of the circle in which the plane cuts the ball.
+            let uphill = (z - a.n * a.n.z).normalize();
+            let reach = (r * r - a.b * a.b).max(0.0).sqrt();
+            [reach, -reach].into_iter().for_each(|t| add(a.n * a.b + uphill * t));
+            for (l, b) in self.halves[..k].iter().enumerate() {
+                let line = a.n.cross(&b.n);
+                let sine2 = line.norm_squared();
+                if sine2 < 1e-20 {
+                    continue;
+                }
+                let cosine = a.n.dot(&b.n);
+                let foot = (a.n * (a.b - b.b * cosine) + b.n * (b.b - a.b * cosine)) / sine2;
+                let reach2 = r * r - foot.norm_squared();
+                if reach2 <= 0.0 {
+                    continue;
+                }
+                let along = line / sine2.sqrt();
+                [1.0, -1.0].into_iter().for_each(|sign| add(foot + along * (sign * reach2.sqrt())));
+                for c in &self.halves[..l] {
+                    let slope = c.n.dot(&along);
+                    let t = (c.b - c.n.dot(&foot)) / slope;
+                    if slope.abs() > 1e-12 && t * t < reach2 {
+                        add(foot + along * t);
+                    }
+                }
+            }
+        }
+        if let Some((axis, radius)) = self.pillar {
+            // Where the section of the ball touches that of the cylinder.
+            let touching = r * r - (radius - axis[0].hypot(axis[1])).powi(2);
+            if touching > 0.0 {
+                found.extend([touching.sqrt(), -touching.sqrt()]);
+            }
+        }
+        found.retain(|&height| height > low && height < high);
+        found.extend([low, high.max(low)]);
+        found.sort_unstable_by(f64::total_cmp);
+        found.dedup_by(|b, a| *b - *a < 1e-13 * r);
+        found
+    }
+
+    /// Area of the section with the plane on which coordinate `axis` is `at` (m), m^2.
+    fn section(&self, axis: usize, at: f64, flat: &mut Flat) -> f64 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        flat.clear();
+        flat.within([0.0; 2], (self.r * self.r - at * at).max(0.0).sqrt());
+        for half in &self.halves {
+            flat.below([half.n[u], half.n[v]], half.b - half.n[axis] * at);
+        }
+        match self.pillar {
+            Some((middle, radius)) if axis == 2 => flat.within(middle, radius),
+            Some((middle, radius)) => {
+                let half = radius.powi(2) - (at - middle[axis]).powi(2);
+                let across = 1 - axis;
+                let half = if half > 0.0 { half.sqrt() } else { f64::NEG_INFINITY };
+                for sign in [1.0, -1.0] {
+                    let n = [u, v].map(|k| if k == across { sign } else { 0.0 });
+                    flat.below(n, sign * middle[across] + half);
+                }
+            }
+            None => {}
+        }
+        if self.empty { 0.0 } else { flat.area() }
+    }
+}
+
+/// Integral over the stretch, halved until two rules agree.
+fn integral(f: &mut dyn FnMut(f64) -> f64, [a, b]: [f64; 2], tolerance: f64, halvings: u32) -> f64 {
+    static RULES: OnceLock<[GaussLegendre; 2]> = OnceLock::new();
+    let [coarse, fine] = RULES
+        .get_or_init(|| [6, 12].map(|n| GaussLegendre::new(NonZeroUsize::new(n).expect("neither is 0"))));
+    let rough = coarse.integrate(a, b, &mut *f);
+    let sum = fine.integrate(a, b, &mut *f);
+    // The finer rule is far better than the difference says.
+    if halvings == 0 || (sum - rough).abs() <= 1e3 * tolerance {
+        return sum;
+    }
+    let middle = (a + b) / 2.0;
+    integral(f, [a, middle], tolerance / 2.0, halvings - 1)
+        + integral(f, [middle, b], tolerance / 2.0, halvings - 1)
+}
+
+#[cfg(test)]
+#[path = "union_tests.rs"]
+mod tests;

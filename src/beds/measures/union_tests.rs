@@ -1,0 +1,167 @@
+//! Volumes of unions against exact ones and against the columns of [`crate::beds::measures::bed`].
+
+use super::*;
+use crate::beds::measures::bed::union_volume_fraction;
+use rand::{RngExt, SeedableRng};
+
+const R: f64 = 0.1;
+const SPHERE: f64 = 4.0 / 3.0 * PI * R * R * R;
+
+fn cube(low: f64, high: f64) -> Region {
+    Region::Box { low: Vec3::repeat(low), high: Vec3::repeat(high) }
+}
+
+/// Points of the cubic lattice of the given spacing, `per_side` along each axis, the first at `start`.
+fn cubic(per_side: usize, spacing: f64, start: Vec3) -> Vec<Vec3> {
+    let along = |k: usize, step: usize| (k / step % per_side) as f64;
+    (0..per_side.pow(3))
+        .map(|k| start + Vec3::new(along(k, 1), along(k, per_side), along(k, per_side.pow(2))) * spacing)
+        .collect()
+}
+
+/// Many points of the face-centred cubic lattice in which spheres touch, and its cell, m.
+fn face_centred() -> (Vec<Vec3>, f64) {
+    let cell = 2.0 * 2f64.sqrt() * R;
+    let corners = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.0, 0.5], [0.0, 0.5, 0.5]];
+    let of = |corner| cubic(5, cell, Vec3::from(corner) * cell - Vec3::repeat(cell));
+    (corners.into_iter().flat_map(of).collect(), cell)
+}
+
+#[track_caller]
+fn near(found: f64, exact: f64, tolerance: f64) {
+    let error = (found - exact).abs();
+    assert!(error <= tolerance, "{found} is not {exact}: off by {error:e}");
+}
+
+fn fraction(x: &[Vec3], region: &Region) -> f64 {
+    let volumes = Spheres::new(x, R).volumes(region);
+    volumes.union / volumes.region
+}
+
+/// What two spheres whose centres are `d` apart have in common, m^3.
+fn lens(d: f64) -> f64 {
+    PI * (4.0 * R + d) * (2.0 * R - d).powi(2) / 12.0
+}
+
+#[test]
+fn lattices_have_their_fractions_wherever_the_box_cuts_them() {
+    for shift in [0.0, 0.0333, 0.1, 0.17] {
+        // Corners of the box lie in spheres.
+        near(fraction(&cubic(8, 2.0 * R, Vec3::repeat(-0.2 + shift)), &cube(0.0, 1.0)), PI / 6.0, 1e-11);
+    }
+    let (x, cell) = face_centred();
+    for shift in [0.0, 0.037, 0.05] {
+        let low = Vec3::new(shift, 2.0 * shift, 3.0 * shift);
+        let region = Region::Box { low, high: low + Vec3::repeat(2.0 * cell) };
+        near(fraction(&x, &region), PI / 18f64.sqrt(), 1e-11);
+    }
+    // Body-centred with overlaps along the diagonals: each sphere loses 8 caps.
+    let cell = 0.22;
+    let mut x = cubic(8, cell, Vec3::repeat(-2.0 * cell));
+    x.extend(cubic(8, cell, Vec3::repeat(-1.5 * cell)));
+    let exact = 2.0 * (SPHERE - 4.0 * lens(cell * 0.75f64.sqrt())) / cell.powi(3);
+    for shift in [0.0, 0.013, 0.1] {
+        near(fraction(&x, &cube(shift, shift + 3.0 * cell)), exact, 1e-11);
+    }
+}
+
+#[test]
+fn two_overlapping_spheres_are_cut_by_a_box_exactly() {
+    for d in [0.02, 0.1, 0.17] {
+        // In the middle of a large box; the lens is reported apart.
+        let a = Vec3::new(0.4, 0.5, 0.6);
+        let pair = [a, a + Vec3::new(0.6, 0.48, -0.64) * d];
+        let volumes = Spheres::new(&pair, R).volumes(&cube(0.0, 1.0));
+        near(volumes.spheres, 2.0 * SPHERE, 1e-14);
+        near(volumes.union, 2.0 * SPHERE - lens(d), 1e-14);
+        // A plane along the line of the centres halves both, a second one quarters them.
+        for (axis, side) in [(0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)] {
+            let mut direction = Vec3::zeros();
+            direction[axis] = d;
+            let pair = [Vec3::repeat(0.5), Vec3::repeat(0.5) + direction];
+            let mut low = Vec3::zeros();
+            low[side] = 0.5;
+            let mut region = Region::Box { low, high: Vec3::repeat(1.0) };
+            near(Spheres::new(&pair, R).volumes(&region).union, SPHERE - lens(d) / 2.0, 1e-14);
+            low[3 - axis - side] = 0.5;
+            region = Region::Box { low, high: Vec3::repeat(1.0) };
+            near(Spheres::new(&pair, R).volumes(&region).union, SPHERE / 2.0 - lens(d) / 4.0, 1e-14);
+        }
+        // A plane across the line of the centres through the first: half of it is left, and all of the second but the
+        // lens and what it has below the plane, which the first covers there.
+        let pair = [Vec3::repeat(0.5), Vec3::new(0.5, 0.5, 0.5 + d)];
+        let region = Region::Box { low: Vec3::new(0.0, 0.0, 0.5), high: Vec3::repeat(1.0) };
+        let below = if d < R { PI * (R - d).powi(2) * (2.0 * R + d) / 3.0 } else { 0.0 };
+        let exact = SPHERE / 2.0 + (SPHERE - below) - (lens(d) - below);
+        near(Spheres::new(&pair, R).volumes(&region).union, exact, 1e-14);
+    }
+}
+
+#[test]
+fn spheres_on_one_point_count_once_and_those_outside_not_at_all() {
+    let x = [Vec3::repeat(0.5); 5];
+    let volumes = Spheres::new(&x, R).volumes(&cube(0.0, 1.0));
+    near(volumes.union, SPHERE, 1e-15);
+    near(volumes.spheres, 5.0 * SPHERE, 1e-15);
+    let outside = [Vec3::new(0.5, 0.5, -0.1), Vec3::new(-0.08, -0.08, 0.5), Vec3::repeat(7.0)];
+    assert_eq!(fraction(&outside, &cube(0.0, 1.0)), 0.0);
+    assert_eq!(fraction(&[], &cube(0.0, 1.0)), 0.0);
+}
+
+#[test]
+fn a_cylinder_cuts_spheres_as_a_fine_sum_of_slices_says() {
+    let whole = Region::Cylinder { axis: [0.0, 0.0], radius: 0.3, ends: [0.0, 1.0] };
+    near(Spheres::new(&[Vec3::new(0.1, 0.0, 0.5)], R).volumes(&whole).union, SPHERE, 1e-15);
+    near(Spheres::new(&[Vec3::new(0.1, 0.1, 1.0)], R).volumes(&whole).union, SPHERE / 2.0, 1e-15);
+    // A sphere on the axis of a thin cylinder keeps what a drilled one loses: 4/3 pi (r^3 - (r^2 - a^2)^(3/2)).
+    let a: f64 = 0.06;
+    let thin = Region::Cylinder { axis: [0.5, 0.2], radius: a, ends: [0.0, 1.0] };
+    let drilled = 4.0 / 3.0 * PI * (R.powi(3) - (R * R - a * a).powf(1.5));
+    near(Spheres::new(&[Vec3::new(0.5, 0.2, 0.5)], R).volumes(&thin).union, drilled, 1e-13);
+    // A bed across the wall of a cylinder, by columns whose middles are inside.
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(2);
+    let x: Vec<Vec3> = (0..60).map(|_| Vec3::from_fn(|_, _| random.random_range(0.0..1.0))).collect();
+    let region = Region::Cylinder { axis: [0.5, 0.45], radius: 0.35, ends: [0.2, 0.9] };
+    let spheres = Spheres::new(&x, R);
+    let slices = 4000;
+    let at = |k: usize| 0.2 + 0.7 * (k as f64 + 0.5) / slices as f64;
+    let sum: f64 = (0..slices).map(|k| spheres.section(&region, 2, at(k))).sum();
+    near(spheres.volumes(&region).union, sum * 0.7 / slices as f64, 1e-8);
+    // And along another axis, where the cylinder is a strip.
+    let at = |k: usize| 0.15 + 0.7 * (k as f64 + 0.5) / slices as f64;
+    let sum: f64 = (0..slices).map(|k| spheres.section(&region, 0, at(k))).sum();
+    near(spheres.volumes(&region).union, sum * 0.7 / slices as f64, 1e-6);
+    let sum: f64 = (0..slices).map(|k| region.section(0, at(k))).sum();
+    near(region.volume(), sum * 0.7 / slices as f64, 1e-5);
+}
+
+#[test]
+fn random_beds_agree_with_columns_and_with_themselves_turned() {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    for count in [20, 200, 400] {
+        let x: Vec<Vec3> = (0..count).map(|_| Vec3::from_fn(|_, _| random.random_range(0.0..1.0))).collect();
+        let exact = fraction(&x, &cube(0.0, 1.0));
+        near(union_volume_fraction(&x, R, Vec3::zeros(), Vec3::repeat(1.0)), exact, 1e-5);
+        let turned: Vec<Vec3> = x.iter().map(Vec3::yzx).collect();
+        near(fraction(&turned, &cube(0.0, 1.0)), exact, 1e-10);
+        // Two halves make the whole.
+        let lower = Region::Box { low: Vec3::zeros(), high: Vec3::new(1.0, 1.0, 0.4321) };
+        let upper = Region::Box { low: Vec3::new(0.0, 0.0, 0.4321), high: Vec3::repeat(1.0) };
+        let spheres = Spheres::new(&x, R);
+        near(spheres.volumes(&lower).union + spheres.volumes(&upper).union, exact, 1e-10);
+    }
+}
+
+#[test]
+fn many_spheres_almost_on_one_point_take_no_longer_than_others() {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(8);
+    let x: Vec<Vec3> =
+        (0..300).map(|_| Vec3::from_fn(|_, _| 0.5 + 0.2 * R * random.random_range(-1.0..1.0))).collect();
+    let volumes = Spheres::new(&x, R).volumes(&cube(0.0, 1.0));
+    near(volumes.spheres, 300.0 * SPHERE, 1e-12);
+    near(volumes.union, union_volume_fraction(&x, R, Vec3::zeros(), Vec3::repeat(1.0)), 1e-6);
+    let lower = Region::Box { low: Vec3::zeros(), high: Vec3::new(1.0, 0.51, 1.0) };
+    let upper = Region::Box { low: Vec3::new(0.0, 0.51, 0.0), high: Vec3::repeat(1.0) };
+    let halves = [lower, upper].map(|region| Spheres::new(&x, R).volumes(&region).union);
+    near(halves[0] + halves[1], volumes.union, 1e-11);
+}

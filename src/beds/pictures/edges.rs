@@ -1,0 +1,140 @@
+//! The edges of the container: where two of its planes meet, within the others.
+
+use crate::math::vector::Vec3;
+use crate::model::wall::Wall;
+use crate::scene::BoxSides;
+
+/// A straight edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// Its ends, m.
+    pub ends: [Vec3; 2],
+    /// Length over which it fades towards each end, m; 0: not at all.
+    pub fades: [f64; 2],
+}
+
+/// The edges between `walls`, the sides of the box first, in a picture of spheres between `low` and `high` (m). Walls
+/// that are further from all spheres than half their largest extent are left out, and there, like where there are no
+/// walls, the edges fade.
+pub fn edges(walls: &[Wall], sides: Option<&BoxSides>, low: Vec3, high: Vec3) -> Vec<Edge> {
+    let extent = (high - low).amax();
+    let mut planes = walls.to_vec();
+    let real = planes.len();
+    for axis in 0..3 {
+        for (sign, reached, side) in
+            [(-1.0, low[axis], sides.map(|b| b.min[axis])), (1.0, high[axis], sides.map(|b| b.max[axis]))]
+        {
+            // Just beyond a side that is near, so that it does not cut.
+            let is_near = |side: &f64| sign * (side - reached) <= 0.5 * extent;
+            let limit = match side.filter(is_near) {
+                Some(side) => sign * ((sign * side).max(sign * reached) + 0.5 * extent),
+                None => reached + sign * 0.2 * extent,
+            };
+            let mut point = Vec3::zeros();
+            point[axis] = limit;
+            let mut normal = Vec3::zeros();
+            normal[axis] = sign;
+            planes.push(Wall::new(point, normal));
+        }
+    }
+    let mut edges = Vec::new();
+    for a in 0..real {
+        for b in a + 1..real {
+            edges.extend(common(&planes, a, b, real, 0.3 * extent));
+        }
+    }
+    edges
+}
+
+/// What planes `a` and `b` have in common within all others; it fades at ends that planes from `real` on cut.
+fn common(planes: &[Wall], a: usize, b: usize, real: usize, fade: f64) -> Option<Edge> {
+    let (first, second) = (&planes[a], &planes[b]);
+    let along = first.normal.cross(&second.normal);
+    let sine2 = along.norm_squared();
+    if sine2 < 1e-12 {
+        return None;
+    }
+    // The point of both planes that is nearest to the origin.
+    let [p, q] = [first, second].map(|wall| wall.depth(&Vec3::zeros()));
+    let point = (second.normal.cross(&along) * p + along.cross(&first.normal) * q) / sine2;
+    let along = along / sine2.sqrt();
+    let mut ends = [f64::NEG_INFINITY, f64::INFINITY];
+    let mut cut_by = [None; 2];
+    for (k, wall) in planes.iter().enumerate().filter(|(k, _)| *k != a && *k != b) {
+        let (depth, slope) = (wall.depth(&point), wall.normal.dot(&along));
+        if slope.abs() < 1e-9 {
+            // Parallel: all of the edge is within this wall, or nothing.
+            if depth < -1e-9 * fade {
+                return None;
+            }
+        } else {
+            let (side, at) = (usize::from(slope > 0.0), depth / slope);
+            if if side == 1 { at < ends[1] } else { at > ends[0] } {
+                ends[side] = at;
+                cut_by[side] = Some(k);
+            }
+        }
+    }
+    let length = ends[1] - ends[0];
+    if !(length > 1e-9 * fade && length.is_finite()) {
+        return None;
+    }
+    let fades = cut_by.map(|k| if k.is_some_and(|k| k >= real) { fade.min(length / 2.0) } else { 0.0 });
+    Some(Edge { ends: ends.map(|at| point + along * at), fades })
+}
+
+impl Edge {
+    /// How strongly the edge is drawn at share `u` of the way between its ends, 0 to 1.
+    pub fn strength(&self, u: f64) -> f64 {
+        let length = (self.ends[1] - self.ends[0]).norm();
+        let at = |fade: f64, away: f64| if fade > 0.0 { (away / fade).min(1.0) } else { 1.0 };
+        at(self.fades[0], u * length) * at(self.fades[1], (1.0 - u) * length)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::scene::{Container, WallPlane};
+
+    fn edges_of(min: [f64; 3], max: [f64; 3], wall: Vec<WallPlane>, high: Vec3) -> Vec<Edge> {
+        let container = Container { r#box: Some(BoxSides { min, max }), wall };
+        edges(&crate::scene::walls::walls(&container), container.r#box.as_ref(), Vec3::zeros(), high)
+    }
+
+    #[test]
+    fn a_closed_box_has_twelve_edges_with_firm_ends() {
+        let edges = edges_of([0.0; 3], [1.0, 2.0, 1.5], vec![], Vec3::new(0.9, 1.9, 1.2));
+        assert_eq!(edges.len(), 12);
+        let total: f64 = edges.iter().map(|edge| (edge.ends[1] - edge.ends[0]).norm()).sum();
+        assert!((total - 4.0 * 4.5).abs() < 1e-9, "{total}");
+        assert!(edges.iter().all(|edge| edge.fades == [0.0; 2] && edge.strength(0.0) == 1.0));
+    }
+
+    #[test]
+    fn an_open_box_has_four_edges_that_fade_above_the_spheres() {
+        for top in [f64::INFINITY, 10.0] {
+            let edges = edges_of([0.0; 3], [1.0, 1.0, top], vec![], Vec3::new(1.0, 1.0, 0.8));
+            assert_eq!(edges.len(), 8, "{top}");
+            let fading: Vec<&Edge> = edges.iter().filter(|edge| edge.fades != [0.0; 2]).collect();
+            assert_eq!(fading.len(), 4);
+            for edge in fading {
+                let upper = usize::from(edge.ends[1].z > edge.ends[0].z);
+                assert!((edge.ends[upper].z - 1.0).abs() < 1e-9 && edge.ends[1 - upper].z.abs() < 1e-9);
+                assert!(edge.strength(upper as f64) == 0.0 && edge.strength(0.5) == 1.0);
+            }
+        }
+    }
+
+    #[test]
+    fn an_oblique_wall_cuts_the_box() {
+        // Off the corner at x = z = 0.
+        let wall = WallPlane { point: [0.5, 0.0, 0.0], normal: [-1.0, 0.0, -1.0] };
+        let edges = edges_of([0.0; 3], [1.0; 3], vec![wall], Vec3::repeat(1.0));
+        // A prism over a pentagon.
+        assert_eq!(edges.len(), 15);
+        let inside = |x: &Vec3| x.x + x.z > 0.5 - 1e-9;
+        assert!(edges.iter().flat_map(|edge| &edge.ends).all(inside));
+    }
+}

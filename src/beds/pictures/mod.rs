@@ -1,0 +1,288 @@
+//! Pictures and animations of a run, by rays cast at its spheres.
+//!
+//! First all frames that are drawn are read, for what must be the same in all of them: the camera, the range of the
+//! colours, the edges of the container. Then they are drawn one by one. `camera` places itself and makes rays, `caster`
+//! finds what they hit, `light` gives it a colour, `quantity` says what colours mean, `legend` writes that down, and
+//! `film` makes files.
+
+mod camera;
+mod caster;
+mod edges;
+mod film;
+mod legend;
+mod light;
+mod options;
+mod picture;
+mod quantity;
+#[cfg(test)]
+mod tests;
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+pub use options::{Background, Limits, Projection, Size};
+pub use picture::Picture;
+pub use quantity::Quantity;
+
+use crate::error::Error;
+use crate::files::run_file::{RunFile, State};
+use crate::math::vector::Vec3;
+use crate::scene;
+use camera::{Ball, Camera, Wanted};
+use caster::Subject;
+use edges::Edge;
+use film::{Film, Format};
+use legend::{Layout, time_label};
+
+/// Colour of the spheres where colours show nothing.
+const ALIKE: [u8; 3] = [122, 154, 190];
+
+/// How a run is drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Picture or animation to write.
+    pub output: PathBuf,
+    /// Whether every frame has a picture of its own, unless the file is an animation.
+    pub numbered: bool,
+    /// Width and height.
+    pub size: Size,
+    /// What the colours show.
+    pub colour: Quantity,
+    /// Values at the two ends of the colours; none: those in the frames drawn.
+    pub range: Option<Limits>,
+    /// Direction from which the spheres are seen.
+    pub direction: Option<[f64; 3]>,
+    /// Position of the camera, m.
+    pub from: Option<[f64; 3]>,
+    /// Point that the camera looks at, m.
+    pub target: Option<[f64; 3]>,
+    /// Direction that points up in the picture.
+    pub up: Option<[f64; 3]>,
+    /// How depth is drawn.
+    pub projection: Projection,
+    /// Magnification about the middle.
+    pub zoom: f64,
+    /// Colour of the background.
+    pub background: Background,
+    /// Neither legend nor time.
+    pub plain: bool,
+    /// No edges of the container.
+    pub no_container: bool,
+    /// Frames of an animation per second.
+    pub fps: u16,
+    /// Threads; none: the cores.
+    pub threads: Option<usize>,
+    /// Whether existing files are replaced.
+    pub force: bool,
+}
+
+/// Whether `output` has the name of a picture or an animation.
+pub fn check_format(output: &Path) -> Result<(), Error> {
+    Format::of(output).map(|_| ())
+}
+
+/// Draws the `frames` of `record`; the files that were written.
+pub fn draw(record: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<PathBuf>, Error> {
+    let format = Format::of(&options.output)?;
+    let paths: Vec<PathBuf> = match (format, options.numbered) {
+        (Format::Png, true) => frames.iter().map(|&k| film::numbered(&options.output, k)).collect(),
+        _ => vec![options.output.clone()],
+    };
+    for path in &paths {
+        film::look(path, record.path(), options.force)?;
+    }
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(options.threads.unwrap_or(0)).build();
+    let threads = threads.map_err(|why| Error::Input(format!("--threads: they cannot be started: {why}")))?;
+    threads.install(|| {
+        let studio = Studio::new(options, record, frames)?;
+        match format {
+            Format::Png => {
+                for (&frame, path) in frames.iter().zip(&paths) {
+                    film::write_png(path, &studio.picture(&record.state(frame)?), options.force)?;
+                }
+                Ok(())
+            }
+            Format::Gif | Format::Apng => studio.film(options, record, frames, format),
+        }
+    })?;
+    Ok(paths)
+}
+
+/// What is the same in all pictures.
+struct Studio<'a> {
+    scene: &'a scene::Scene,
+    quantity: Quantity,
+    limits: Limits,
+    size: Size,
+    layout: Layout,
+    camera: Camera,
+    edges: Vec<Edge>,
+    /// Against gravity.
+    upwards: Vec3,
+    /// Up in the picture.
+    up: Vec3,
+    background: [u8; 3],
+    plain: bool,
+    interval: f64,
+}
+
+impl<'a> Studio<'a> {
+    fn new(options: &Options, record: &'a RunFile, frames: &[u64]) -> Result<Self, Error> {
+        let scene = &record.scene;
+        if options.colour == Quantity::Spin && !scene.rotates() {
+            return Err(Error::Input(format!(
+                "--colour spin: the spheres of {} do not rotate; choose height, speed, force, overlap or none",
+                record.path().display()
+            )));
+        }
+        let upwards = (-Vec3::from(scene.gravity)).try_normalize(0.0).unwrap_or(Vec3::z());
+        let survey = Survey::new(record, frames, options.colour, &upwards)?;
+        let limits =
+            options.range.unwrap_or_else(|| options.colour.limits(survey.values[0], survey.values[1]));
+        let interval = scene.output.interval.unwrap_or(scene.t_end / 100.0);
+        let time = time_label(survey.last_time, interval);
+        let layout = Layout::new(options.size, options.colour, limits, options.plain, &time)?;
+        let edges = match options.no_container {
+            true => Vec::new(),
+            false => edges::edges(
+                &crate::scene::walls::walls(&scene.container),
+                scene.container.r#box.as_ref(),
+                survey.low,
+                survey.high,
+            ),
+        };
+        let up = options.up.map_or(upwards, Vec3::from);
+        let wanted = Wanted {
+            direction: options.direction.map_or_else(|| from_the_front(&upwards), Vec3::from),
+            from: options.from.map(Vec3::from),
+            target: options.target.map(Vec3::from),
+            up,
+            projection: options.projection,
+            zoom: options.zoom,
+        };
+        let mut balls = survey.balls;
+        balls.extend(edges.iter().flat_map(|edge| edge.ends).map(|x| (x, 0.0)));
+        let camera = Camera::new(&wanted, &balls, options.size, layout.frame)?;
+        Ok(Studio {
+            scene,
+            quantity: options.colour,
+            limits,
+            size: options.size,
+            layout,
+            camera,
+            edges,
+            upwards,
+            up: up.try_normalize(0.0).unwrap_or(upwards),
+            background: options.background.0,
+            plain: options.plain,
+            interval,
+        })
+    }
+
+    /// A colour of the scale, `share` of the way along it.
+    fn colour(&self, share: f64) -> [u8; 3] {
+        match self.quantity {
+            Quantity::None => ALIKE,
+            _ => {
+                let colorous::Color { r, g, b } = colorous::VIRIDIS.eval_continuous(share);
+                [r, g, b]
+            }
+        }
+    }
+
+    fn picture(&self, state: &State) -> Picture {
+        let x: Vec<Vec3> = state.x.iter().map(|&x| x.into()).collect();
+        let values = self.quantity.values(self.scene, state, &self.upwards);
+        let colours: Vec<[u8; 3]> =
+            values.iter().map(|&value| self.colour(self.limits.share(value))).collect();
+        let [r, g, b] = light::linear(self.background);
+        let is_bright = 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.18;
+        let (ink, edge) = if is_bright { ([24; 3], [96; 3]) } else { ([236; 3], [168; 3]) };
+        let subject = Subject {
+            x: &x,
+            r: self.scene.particles.radius,
+            colours: &colours,
+            edges: &self.edges,
+            up: self.up,
+            background: self.background,
+            ink: edge,
+        };
+        let mut picture = caster::draw(&subject, &self.camera, self.size);
+        let time = (!self.plain).then(|| time_label(state.time, self.interval));
+        self.layout.draw(&mut picture, time.as_deref(), [ink, self.background], |share| self.colour(share));
+        picture
+    }
+
+    fn film(&self, options: &Options, record: &RunFile, frames: &[u64], format: Format) -> Result<(), Error> {
+        let mut film = if format == Format::Gif {
+            // Colours by the first picture, the last, and one between them.
+            let sampled = [frames[0], frames[frames.len() / 2], frames[frames.len() - 1]];
+            let samples = sampled.iter().map(|&k| Ok(self.picture(&record.state(k)?)));
+            let samples = samples.collect::<Result<Vec<_>, Error>>()?;
+            Film::gif(&options.output, &samples, self.background, options.fps, options.force)?
+        } else {
+            let count =
+                u32::try_from(frames.len()).map_err(|_| record.unreadable("it holds too many frames"))?;
+            Film::apng(&options.output, self.size, count, options.fps, options.force)?
+        };
+        for &frame in frames {
+            film.add(&self.picture(&record.state(frame)?))?;
+        }
+        film.finish()
+    }
+}
+
+/// The usual direction from which spheres are seen: for z upwards from the front (-y), right (x) and above.
+fn from_the_front(up: &Vec3) -> Vec3 {
+    let axis = if up.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() };
+    let right = (axis - up * up.dot(&axis)).normalize();
+    right * 0.5 + right.cross(up) + up * 0.42
+}
+
+/// What the frames have in common.
+struct Survey {
+    /// All places where spheres are.
+    balls: Vec<Ball>,
+    /// Corners of the box around them, m.
+    low: Vec3,
+    high: Vec3,
+    /// Smallest and largest value of the quantity.
+    values: [f64; 2],
+    last_time: f64,
+}
+
+impl Survey {
+    fn new(record: &RunFile, frames: &[u64], quantity: Quantity, up: &Vec3) -> Result<Self, Error> {
+        let r = record.scene.particles.radius;
+        let mut survey = Survey {
+            balls: Vec::new(),
+            low: Vec3::repeat(f64::INFINITY),
+            high: Vec3::repeat(f64::NEG_INFINITY),
+            values: [f64::INFINITY, f64::NEG_INFINITY],
+            last_time: 0.0,
+        };
+        let mut cells = HashSet::new();
+        for &frame in frames {
+            let state = record.state(frame)?;
+            for x in state.x.iter().map(|&x| Vec3::from(x)) {
+                if !x.iter().all(|c| c.is_finite()) {
+                    return Err(record.unreadable(&format!("frame {frame} has a position that is no number")));
+                }
+                survey.low = survey.low.inf(&(x - Vec3::repeat(r)));
+                survey.high = survey.high.sup(&(x + Vec3::repeat(r)));
+                // Of many frames, one sphere for each small cell.
+                if frames.len() == 1 || cells.insert([0, 1, 2].map(|k| (4.0 * x[k] / r).floor() as i64)) {
+                    survey.balls.push((x, r));
+                }
+            }
+            for value in quantity.values(&record.scene, &state, up) {
+                survey.values = [survey.values[0].min(value), survey.values[1].max(value)];
+            }
+            survey.last_time = state.time;
+        }
+        if survey.balls.is_empty() {
+            return Err(record.unreadable("it holds no spheres"));
+        }
+        Ok(survey)
+    }
+}

@@ -1,0 +1,174 @@
+//! What colours show: a number for every sphere.
+
+use clap::ValueEnum;
+
+use crate::engine::neighbors::Lists;
+use crate::files::run_file::State;
+use crate::math::elementary::Separate;
+use crate::math::vector::Vec3;
+use crate::model::contact::{Dissipative, Frictionless, Law};
+use crate::model::particle::Locked;
+use crate::scene::Scene;
+
+use super::options::Limits;
+
+/// What the colours show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Quantity {
+    /// Height of the centre against gravity, m; without gravity z
+    Height,
+    /// Speed of the centre, m/s
+    Speed,
+    /// Angular speed, rad/s
+    Spin,
+    /// Sum of the normal forces, rebound included, of all contacts with spheres and walls, N: how hard it is squeezed
+    Force,
+    /// Deepest overlap with a sphere or a wall, m
+    Overlap,
+    /// Nothing: all spheres alike
+    None,
+}
+
+impl Quantity {
+    /// Title of the legend and unit.
+    pub fn title(self) -> (&'static str, &'static str) {
+        match self {
+            Quantity::Height => ("height", "m"),
+            Quantity::Speed => ("speed", "m/s"),
+            Quantity::Spin => ("spin", "rad/s"),
+            Quantity::Force => ("normal force", "N"),
+            Quantity::Overlap => ("overlap", "m"),
+            Quantity::None => ("", ""),
+        }
+    }
+
+    /// Its value for every sphere of a frame; `up` is a unit vector. Spins must be there where they are asked for.
+    pub fn values(self, scene: &Scene, state: &State, up: &Vec3) -> Vec<f64> {
+        let norms = |vectors: &[[f64; 3]]| vectors.iter().map(|v| Vec3::from(*v).norm()).collect();
+        match self {
+            Quantity::Height => state.x.iter().map(|x| Vec3::from(*x).dot(up)).collect(),
+            Quantity::Speed => norms(&state.v),
+            Quantity::Spin => norms(state.omega.as_deref().expect("the caller has looked for spins")),
+            Quantity::Force => {
+                let law = law(scene);
+                let mut sums = vec![0.0; state.x.len()];
+                for_each_contact(scene, state, law.l_max, |i, gap, n, v_rel| {
+                    sums[i] += law.action::<Separate, _>(gap, n, v_rel, &Locked).force.norm();
+                });
+                sums
+            }
+            Quantity::Overlap => {
+                let mut deepest = vec![0.0; state.x.len()];
+                for_each_contact(scene, state, 0.0, |i, gap, _, _| deepest[i] = f64::max(deepest[i], -gap));
+                deepest
+            }
+            Quantity::None => vec![0.0; state.x.len()],
+        }
+    }
+
+    /// The ends of the legend for values from `low` to `high`. All but heights begin at 0.
+    pub fn limits(self, low: f64, high: f64) -> Limits {
+        // A force may overflow, and the legend ends before.
+        let (low, high) = (if self == Quantity::Height { low } else { 0.0 }, high.min(1e300));
+        if high - low > 1e-9 * high.abs().max(low.abs()) {
+            Limits { low, high }
+        } else {
+            let room = if high == 0.0 { 1.0 } else { 0.5 * high.abs() };
+            Limits { low: low - if self == Quantity::Height { room } else { 0.0 }, high: high + room }
+        }
+    }
+}
+
+/// The normal force of the scene's contacts, eqs. (2.1) to (2.5). With e = 1 the share is 1 at any speed.
+fn law(scene: &Scene) -> Law<Dissipative, Frictionless> {
+    let contact = &scene.contact;
+    Law {
+        r: scene.particles.radius,
+        f_0: contact.repulsion_at_contact,
+        kappa: contact.stiffness_exponent,
+        l_max: contact.interaction_distance,
+        rebound: Dissipative::new(contact.restitution, contact.dissipation_focusing),
+        tangential: Frictionless,
+    }
+}
+
+/// Pairs of centres within `reach` (m), by ids, and walls within `wall_reach` (m) of a centre, in one order.
+pub fn lists(x: &[Vec3], reach: f64, walls: &[crate::model::wall::Wall], wall_reach: f64) -> Lists {
+    let keys: Vec<_> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
+    let mut lists = Lists::default();
+    lists.rebuild(x, &keys, x.len(), reach, (walls, wall_reach), 1);
+    lists
+}
+
+/// Calls `visit(i, gap, n, v_rel)` for every sphere i of every contact with a gap of at most `widest` (m), by the
+/// conventions of [`crate::model::contact`]: for a pair twice, for a wall once.
+fn for_each_contact(
+    scene: &Scene,
+    state: &State,
+    widest: f64,
+    mut visit: impl FnMut(usize, f64, &Vec3, &Vec3),
+) {
+    let r = scene.particles.radius;
+    let walls = crate::scene::walls::walls(&scene.container);
+    let x: Vec<Vec3> = state.x.iter().map(|&x| x.into()).collect();
+    let v = |i: usize| Vec3::from(state.v[i]);
+    for block in &lists(&x, 2.0 * r + widest, &walls, r + widest).blocks {
+        for [i, j] in block.first_pairs() {
+            let apart = x[i] - x[j];
+            let d = apart.norm();
+            // Centres in one point: any direction is as good as another.
+            let n = if d > 0.0 { apart / d } else { Vec3::z() };
+            let v_rel = v(i) - v(j);
+            visit(i, d - 2.0 * r, &n, &v_rel);
+            visit(j, d - 2.0 * r, &-n, &-v_rel);
+        }
+        for [i, k] in block.wall_contacts() {
+            visit(i, walls[k].depth(&x[i]) - r, &-walls[k].normal, &v(i));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::beds::measures::testing;
+
+    /// Two spheres of radius 0.1 m, the lower one 0.01 m deep in the floor, the upper one 0.02 m deep in the lower.
+    fn pair() -> (Scene, State) {
+        let scene = testing::scene(
+            "gravity = [0, 0, -9.81]
+             container.box = { min = [0, 0, 0], max = [inf, inf, inf] }",
+        );
+        let x = vec![[1.0, 1.0, 0.09], [1.0, 1.0, 0.27]];
+        let v = vec![[0.0; 3], [3.0, 0.0, 4.0]];
+        (scene, State { frame: 0, time: 0.0, x, v, omega: Some(vec![[0.0; 3], [0.0, -2.0, 0.0]]) })
+    }
+
+    fn close(found: &[f64], exact: &[f64]) {
+        let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-12 * b.abs().max(1.0);
+        assert!(found.len() == exact.len() && found.iter().zip(exact).all(near), "{found:?} {exact:?}");
+    }
+
+    #[test]
+    fn values_are_those_of_the_spheres() {
+        let (scene, state) = pair();
+        let values = |quantity: Quantity| quantity.values(&scene, &state, &Vec3::z());
+        close(&values(Quantity::Height), &[0.09, 0.27]);
+        close(&values(Quantity::Speed), &[0.0, 5.0]);
+        close(&values(Quantity::Spin), &[0.0, 2.0]);
+        close(&values(Quantity::Overlap), &[0.02, 0.02]);
+        // Eqs. (2.1), (2.4): the floor at rest keeps (1 + e^2)/2, the pair separates at 4 m/s and keeps e^2.
+        let floor = 10.0 * (150.0 * 0.01f64).exp() * (1.0 + 0.16) / 2.0;
+        let pair = 10.0 * (150.0 * 0.02f64).exp() * (0.16 + 0.84 / (1.0 + (20.0 * 4.0f64).exp()));
+        close(&values(Quantity::Force), &[floor + pair, pair]);
+    }
+
+    #[test]
+    fn a_legend_has_two_different_ends() {
+        assert_eq!(Quantity::Speed.limits(2.0, 5.0), Limits { low: 0.0, high: 5.0 });
+        assert_eq!(Quantity::Height.limits(2.0, 5.0), Limits { low: 2.0, high: 5.0 });
+        assert_eq!(Quantity::Speed.limits(0.0, 0.0), Limits { low: 0.0, high: 1.0 });
+        assert_eq!(Quantity::Force.limits(1.0, f64::INFINITY), Limits { low: 0.0, high: 1e300 });
+        assert_eq!(Quantity::Height.limits(3.0, 3.0), Limits { low: 1.5, high: 4.5 });
+    }
+}

@@ -1,0 +1,217 @@
+//! All that is measured.
+
+use serde::Serialize;
+
+use super::{short, window};
+use crate::beds::measures::contacts::{Contact, contacts, coordination, fewest_that_hold};
+use crate::beds::measures::row::{Row, centres};
+use crate::beds::measures::structure;
+use crate::beds::measures::union::{Region, Spheres};
+use crate::error::Error;
+use crate::files::run_file::{RunFile, State};
+
+/// A column of the run over time.
+#[derive(Debug, Clone, Serialize)]
+pub struct Column {
+    /// Its name in `/run/series`.
+    pub name: &'static str,
+    /// A value a frame, SI units.
+    pub values: Vec<f64>,
+}
+
+/// Everything.
+#[derive(Debug, Clone, Serialize)]
+pub struct Measured {
+    /// Where volumes are measured, in words.
+    pub region_words: String,
+    /// Largest error of its volume fractions.
+    pub volume_fraction_error: f64,
+    /// Its volume, m^3.
+    pub region_volume: f64,
+    /// A row for every frame asked for.
+    pub rows: Vec<Row>,
+    /// Fewest contacts that hold a sphere: with fewer it is a rattler.
+    pub contacts_that_hold: usize,
+    /// How many spheres of the last row touch 0, 1, 2, ... others.
+    pub coordination: Vec<usize>,
+    /// Height and porosity, in the last row's frame, as all that follows.
+    pub height_profile: Vec<[f64; 2]>,
+    /// Distances to upright walls, m.
+    pub wall_distances: Vec<f64>,
+    /// Walls, and the porosity at those distances.
+    pub wall_profiles: Vec<(String, Vec<f64>)>,
+    /// Distance (m) and radial distribution function.
+    pub radial_distribution: Vec<[f64; 2]>,
+    /// Contacts, which have a table of their own.
+    #[serde(skip)]
+    pub contacts: Vec<Contact>,
+    /// The run over time.
+    #[serde(skip)]
+    pub series: Vec<Column>,
+    /// Heights of the centres over time, m, where they are few.
+    #[serde(skip)]
+    pub trajectories: Vec<Vec<f64>>,
+    /// Radius of all spheres, m.
+    pub radius: f64,
+}
+
+/// Spheres whose heights are drawn over time.
+const FEW: u64 = 7;
+
+impl Measured {
+    /// Measures `state`, the last of the frames asked for, whose other rows are given.
+    pub fn of(
+        record: &RunFile,
+        state: &State,
+        region: &Region,
+        words: &str,
+        mut rows: Vec<Row>,
+    ) -> Result<Self, Error> {
+        let scene = &record.scene;
+        let r = scene.particles.radius;
+        let contacts = contacts(scene, state);
+        let x = centres(state);
+        let spheres = Spheres::new(&x, r);
+        rows.push(Row::with(scene, state, region, &contacts, &spheres));
+        let numbers = coordination(x.len(), &contacts);
+        let mut histogram = vec![0; numbers.iter().max().map_or(0, |most| most + 1)];
+        numbers.iter().for_each(|&number| histogram[number] += 1);
+        let (wall_distances, wall_profiles) = structure::over_wall_distance(scene, &spheres, region);
+        Ok(Measured {
+            region_words: format!("{words}: {}", described(region)),
+            volume_fraction_error: 1e-9,
+            region_volume: region.volume(),
+            rows,
+            contacts_that_hold: fewest_that_hold(scene),
+            coordination: histogram,
+            height_profile: structure::over_height(&spheres, region, r),
+            wall_distances,
+            wall_profiles,
+            radial_distribution: structure::radial_distribution(&x, r, window(record, region)),
+            contacts,
+            series: series(record)?,
+            trajectories: trajectories(record)?,
+            radius: r,
+        })
+    }
+
+    /// The last of the frames asked for.
+    pub fn last(&self) -> &Row {
+        &self.rows[self.rows.len() - 1]
+    }
+
+    /// A column of the run by its name.
+    pub fn column(&self, name: &str) -> Option<&[f64]> {
+        self.series.iter().find(|column| column.name == name).map(|column| &column.values[..])
+    }
+
+    /// Distance (m) of the highest value of the radial distribution function.
+    pub fn first_peak(&self) -> Option<[f64; 2]> {
+        let peak = self.radial_distribution.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1]));
+        peak.filter(|[_, g]| *g > 0.0)
+    }
+
+    /// The findings of the last frame, name and value.
+    pub fn findings(&self) -> Vec<(&'static str, String)> {
+        let row = self.last();
+        let mut found = vec![
+            ("volume fraction of the union", format!("{:.6} (exact to 1e-9)", row.volume_fraction)),
+            ("porosity", format!("{:.6}", row.porosity)),
+            ("covered more than once", format!("{:.6} of the region", row.overlap_fraction)),
+        ];
+        if let (Some(count), Some(union)) = (row.paper_count_in_unit_cube, row.volume_fraction_in_unit_cube) {
+            found.push(("the paper's count in [0, 1]^3", format!("{count:.6}; the union there {union:.6}")));
+        }
+        found.extend([
+            (
+                "coordination number",
+                format!(
+                    "{:.4}; without rattlers {:.4}",
+                    row.mean_coordination, row.mean_coordination_without_rattlers
+                ),
+            ),
+            ("rattlers", format!("{} (fewer than {} contacts)", row.rattlers, self.contacts_that_hold)),
+            ("contacts", format!("{} between spheres, {} with walls", row.contacts, row.wall_contacts)),
+            (
+                "overlap",
+                format!(
+                    "mean {} m, largest {} m ({:.4} radii)",
+                    short(row.mean_overlap),
+                    short(row.largest_overlap),
+                    row.largest_overlap / self.radius
+                ),
+            ),
+            (
+                "contact force",
+                format!("mean {} N, largest {} N", short(row.mean_force), short(row.largest_force)),
+            ),
+        ]);
+        if let Some([at, g]) = self.first_peak() {
+            let width = self.radial_distribution[0][0];
+            found.push((
+                "highest peak of g",
+                format!(
+                    "{} at {} m +- {} m ({:.3} diameters)",
+                    short(g),
+                    short(at),
+                    short(width),
+                    at / (2.0 * self.radius)
+                ),
+            ));
+        }
+        found.push(("bed height", format!("{} m", short(row.bed_height))));
+        found
+    }
+}
+
+/// A region in numbers.
+fn described(region: &Region) -> String {
+    let point = |x: f64, y: f64, z: f64| format!("({}, {}, {})", short(x), short(y), short(z));
+    match region {
+        Region::Box { low, high } => {
+            format!("the box from {} to {} m", point(low.x, low.y, low.z), point(high.x, high.y, high.z))
+        }
+        Region::Cylinder { axis, radius, ends } => format!(
+            "the cylinder of radius {} m around ({}, {}) m from z = {} to {} m",
+            short(*radius),
+            short(axis[0]),
+            short(axis[1]),
+            short(ends[0]),
+            short(ends[1])
+        ),
+    }
+}
+
+/// The columns of the run over time.
+fn series(record: &RunFile) -> Result<Vec<Column>, Error> {
+    let reals = ["time", "kinetic_energy", "potential_energy", "bed_height", "largest_overlap", "step"];
+    let counts = ["steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "pair_evaluations"];
+    let mut columns = Vec::new();
+    for name in reals {
+        columns.push(Column { name, values: record.series(name)? });
+    }
+    if record.scene.output.energy {
+        for name in ["dissipated_rebound", "dissipated_friction"] {
+            columns.push(Column { name, values: record.series(name)? });
+        }
+    }
+    for name in counts {
+        let values = record.counts(name)?.into_iter().map(|count| count as f64).collect();
+        columns.push(Column { name, values });
+    }
+    Ok(columns)
+}
+
+/// Heights of the centres in every frame, where there are few spheres.
+fn trajectories(record: &RunFile) -> Result<Vec<Vec<f64>>, Error> {
+    if record.count > FEW {
+        return Ok(Vec::new());
+    }
+    let mut heights = vec![Vec::new(); record.count as usize];
+    for k in 0..record.frames {
+        for (heights, x) in heights.iter_mut().zip(record.state(k)?.x) {
+            heights.push(x[2]);
+        }
+    }
+    Ok(heights)
+}

@@ -1,0 +1,42 @@
+//! The report on a bed: its measures, tables, figures, and a page that shows all of them.
+
+mod figures;
+mod measured;
+mod page;
+mod picture;
+mod tables;
+
+use std::path::Path;
+
+use crate::beds::measures::row::centres;
+use crate::beds::measures::structure;
+use crate::beds::measures::union::Region;
+use crate::error::Error;
+use crate::files::run_file::{RunFile, State};
+use crate::math::digits::significant;
+use crate::math::vector::Vec3;
+pub use measured::Measured;
+
+/// Writes tables, figures and the page about `run` into `folder`; how many files that are.
+pub fn write(
+    folder: &Path,
+    run: &str,
+    record: &RunFile,
+    measured: &Measured,
+    last: &State,
+) -> Result<usize, Error> {
+    let tables = tables::write(folder, measured)?;
+    let figures = figures::draw(folder, run, measured)?;
+    page::write(folder, record, measured, last, &figures)?;
+    Ok(tables.len() + figures.len() + 1)
+}
+
+/// Six digits.
+fn short(value: f64) -> String {
+    significant(value, 6)
+}
+
+/// The box in which the radial distribution is measured: where centres can lie.
+fn window(record: &RunFile, region: &Region) -> (Vec3, Vec3) {
+    structure::room_of_centres(&record.scene, region)
+}

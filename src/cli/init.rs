@@ -1,0 +1,94 @@
+//! `demhybrid init`: a scene to start from.
+
+use crate::domain::launch;
+use crate::error::Error;
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::Path;
+
+/// The scene, with every key there is; those that may be left out stand behind `#`, with their defaults.
+pub const SCENE: &str = include_str!("init.toml");
+
+/// Writes it to `path`.
+pub fn write(path: &Path, force: bool) -> Result<(), Error> {
+    let named = path.display();
+    let mut options = OpenOptions::new();
+    let options = if force {
+        options.write(true).create(true).truncate(true)
+    } else {
+        options.write(true).create_new(true)
+    };
+    options.open(path).and_then(|mut file| file.write_all(SCENE.as_bytes())).map_err(|why| {
+        Error::Input(match why.kind() {
+            std::io::ErrorKind::AlreadyExists => {
+                format!("{named}: the file exists; use --force to replace it, or give another name")
+            }
+            _ => format!("{named}: the scene cannot be written: {why}"),
+        })
+    })?;
+    launch::say(&format!(
+        "demhybrid: {named} is written; demhybrid {named} --dry-run tells what it would do"
+    ));
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Scene, Stop, schema};
+
+    /// The scene with every key that stands behind `#`; sentences stand behind a blank more.
+    fn with_all_keys() -> String {
+        let uncommented = |line: &'static str| match line.strip_prefix("#") {
+            Some(key) if !key.starts_with(' ') => key,
+            _ => line,
+        };
+        SCENE.lines().map(|line| uncommented(line).to_owned() + "\n").collect()
+    }
+
+    #[test]
+    fn it_is_a_valid_scene_and_so_are_its_defaults() {
+        let scene = Scene::parse("scene.toml", SCENE, &[]).unwrap();
+        assert_eq!(scene.particles.grid.as_ref().unwrap().count, 200);
+        // What stands behind # is the default: with it, nothing changes but what is optional altogether.
+        let all = with_all_keys();
+        let mut spelt_out =
+            Scene::parse("scene.toml", &all, &[]).unwrap_or_else(|why| panic!("{why}\n{all}"));
+        assert!(spelt_out.checkpoint.take().is_some() && spelt_out.limits.take().is_some());
+        assert_eq!(spelt_out.stop.take().map(|stop| stop.window), Some(Stop::default().window));
+        spelt_out.container.wall.clear();
+        // What is computed where it is left out.
+        (spelt_out.solver.velocity_scale, spelt_out.solver.neglected_force) = (None, None);
+        assert_eq!(spelt_out, scene);
+    }
+
+    #[test]
+    fn every_key_is_mentioned() {
+        let schema: serde_json::Value = serde_json::from_str(&schema()).unwrap();
+        fn keys(table: &serde_json::Value, found: &mut Vec<String>) {
+            let inner = if table["items"]["properties"].is_object() { &table["items"] } else { table };
+            for (name, value) in inner["properties"].as_object().into_iter().flatten() {
+                found.push(name.clone());
+                keys(value, found);
+            }
+        }
+        let mut found = Vec::new();
+        keys(&schema, &mut found);
+        assert!(found.len() > 40, "{found:?}");
+        let missing: Vec<_> = found.iter().filter(|name| !SCENE.contains(name.as_str())).collect();
+        assert!(missing.is_empty(), "{missing:?}");
+    }
+
+    #[test]
+    fn a_file_that_is_there_is_kept_unless_told_otherwise() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        std::fs::write(&path, "precious").unwrap();
+        let refused = write(&path, false).unwrap_err();
+        assert!(refused.to_string().contains("a.toml: the file exists; use --force"), "{refused}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "precious");
+        write(&path, true).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), SCENE);
+        assert_eq!(write(&folder.path().join("no/a.toml"), false).unwrap_err().exit_code(), 2);
+    }
+}

@@ -1,0 +1,174 @@
+//! Looks at every frame for particles that are where they should not be: beyond a wall, or gone for good.
+
+use crate::domain::Comm;
+use crate::engine::simulation::Frame;
+use crate::math::vector::Vec3;
+use crate::model::particle::Spin;
+use crate::model::wall::Wall;
+use crate::scene::Scene;
+use crate::scene::initial_condition::InitialCondition;
+use crate::scene::walls::walls;
+use std::cmp::Ordering;
+
+/// A way out of the container along an axis.
+#[derive(Debug, Clone)]
+struct Exit {
+    /// Unit vector outwards.
+    along: Vec3,
+    /// Nothing started beyond this distance from the origin along it, m.
+    started: f64,
+}
+
+/// Places of particles, of this rank's rows.
+#[derive(Debug, Clone)]
+pub struct Monitor {
+    walls: Vec<Wall>,
+    exits: Vec<Exit>,
+    /// Radius and l_max, m.
+    r: f64,
+    l_max: f64,
+    /// Furthest that a centre was beyond a wall, m, and the particle; negative: inside.
+    furthest: (f64, u64),
+    /// Particles that had left in the last frame.
+    left: Vec<u64>,
+}
+
+impl Monitor {
+    /// For a scene with these particles. A way out is an axis along which no wall stands and gravity does not pull back;
+    /// where there is no wall at all nothing can be left.
+    pub fn new(scene: &Scene, start: &InitialCondition) -> Self {
+        let walls = walls(&scene.container);
+        let gravity = Vec3::from(scene.gravity);
+        let axes = [Vec3::x(), Vec3::y(), Vec3::z()];
+        let exits = axes
+            .into_iter()
+            .flat_map(|axis| [axis, -axis])
+            .filter(|u| !walls.is_empty() && gravity.dot(u) >= 0.0)
+            .filter(|u| walls.iter().all(|wall| wall.normal.dot(u) <= 1e-12))
+            .map(|along| {
+                let places = start.x.iter().map(|x| along.dot(&Vec3::from(*x)));
+                Exit { along, started: places.fold(f64::NEG_INFINITY, f64::max) }
+            })
+            .collect();
+        let (r, l_max) = (scene.particles.radius, scene.contact.interaction_distance);
+        Monitor { walls, exits, r, l_max, furthest: (f64::NEG_INFINITY, 0), left: Vec::new() }
+    }
+
+    /// A frame was made.
+    pub fn follow<W: Spin>(&mut self, frame: &Frame<W>) {
+        let looks = frame.rows.map(|body| {
+            let depth = self.walls.iter().map(|wall| wall.depth(&body.x)).fold(f64::INFINITY, f64::min);
+            (depth, self.has_left(&body.x, &body.v, depth))
+        });
+        let ids = || (frame.first..).zip(&looks);
+        self.left = ids().filter(|(_, (_, left))| *left).map(|(id, _)| id).collect();
+        for (id, (depth, _)) in ids() {
+            if -depth > self.furthest.0 {
+                self.furthest = (-depth, id);
+            }
+        }
+    }
+
+    /// Further out than anything started, touching no wall, and moving on.
+    fn has_left(&self, x: &Vec3, v: &Vec3, depth: f64) -> bool {
+        let free = depth - self.r > self.l_max;
+        let out = |exit: &Exit| {
+            exit.along.dot(x) > exit.started + 2.0 * self.r + self.l_max && exit.along.dot(v) > 0.0
+        };
+        free && self.exits.iter().any(out)
+    }
+
+    /// What the frames gave rise to. Collective; the same on every rank.
+    pub fn warnings(&self, comm: &dyn Comm) -> Vec<String> {
+        let mut furthest = [self.furthest.0];
+        comm.max(&mut furthest);
+        let own = |mine: bool, id: u64| if mine { -(id as f64) } else { f64::NEG_INFINITY };
+        let is_mine = self.furthest.0.total_cmp(&furthest[0]) == Ordering::Equal;
+        let first = self.left.first().copied();
+        let mut lowest = [own(is_mine, self.furthest.1), own(first.is_some(), first.unwrap_or(0))];
+        comm.max(&mut lowest);
+        let mut count = [self.left.len() as u64];
+        comm.sum(&mut count);
+        let mut warnings = Vec::new();
+        if furthest[0] > 0.0 {
+            warnings.push(format!(
+                "warning: the centre of particle {} was {:.3e} m beyond a wall at a frame: contacts are too soft for this \
+                 motion; a larger contact.stiffness_exponent makes them harder",
+                -lowest[0], furthest[0]
+            ));
+        }
+        if count[0] > 0 {
+            warnings.push(format!(
+                "warning: {} particles left the open container, the first of them particle {}: they move on where no wall \
+                 stands and gravity does not bring them back",
+                count[0], -lowest[1]
+            ));
+        }
+        warnings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::comm::team::team;
+
+    fn watch(container: &str, gravity: &str) -> Monitor {
+        let text = "t_end = 1
+            particles = { radius = 0.1, file = 'a.csv' }
+            contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
+                        dissipation_focusing = 10, interaction_distance = 0.1 }";
+        let sets = [format!("container.box={container}"), format!("gravity={gravity}")];
+        let scene = Scene::parse("a.toml", text, &sets).unwrap();
+        Monitor::new(
+            &scene,
+            &InitialCondition { x: vec![[0.5; 3], [0.5, 0.5, 0.8]], ..InitialCondition::default() },
+        )
+    }
+
+    fn left(watch: &Monitor, x: [f64; 3], v: [f64; 3]) -> bool {
+        let x = Vec3::from(x);
+        let depth = watch.walls.iter().map(|wall| wall.depth(&x)).fold(f64::INFINITY, f64::min);
+        watch.has_left(&x, &v.into(), depth)
+    }
+
+    #[test]
+    fn a_way_out_is_where_no_wall_stands_and_gravity_does_not_pull_back() {
+        let exits = |container, gravity| watch(container, gravity).exits.len();
+        let chimney = "{ min = [0, 0, 0], max = [1, 1, inf] }";
+        assert_eq!(exits(chimney, "[0, 0, -9.81]"), 0);
+        assert_eq!(exits(chimney, "[0, 0, 0]"), 1);
+        assert_eq!(exits("{ min = [0, 0, -inf], max = [1, 1, inf] }", "[0, 0, -9.81]"), 1);
+        // A floor without sides.
+        assert_eq!(exits("{ min = [-inf, -inf, 0], max = [inf, inf, inf] }", "[0, 0, -9.81]"), 4);
+        let none = "{ min = [-inf, -inf, -inf], max = [inf, inf, inf] }";
+        assert_eq!(exits(none, "[0, 0, -9.81]"), 0);
+    }
+
+    #[test]
+    fn a_particle_has_left_when_it_is_further_out_than_anything_started_and_moves_on() {
+        // The furthest start is at 0.8 m; a diameter and l_max beyond is 1.1 m.
+        let chimney = watch("{ min = [0, 0, 0], max = [1, 1, inf] }", "[0, 0, 0]");
+        assert!(left(&chimney, [0.5, 0.5, 1.11], [0.0, 0.0, 1.0]));
+        assert!(!left(&chimney, [0.5, 0.5, 1.09], [0.0, 0.0, 1.0]));
+        assert!(!left(&chimney, [0.5, 0.5, 1.11], [0.0, 0.0, -1.0]));
+        assert!(!left(&chimney, [0.1, 0.5, 1.11], [0.0, 0.0, 1.0]), "it touches a wall");
+    }
+
+    #[test]
+    fn all_ranks_say_the_same_and_name_the_particle_that_was_furthest() {
+        let chimney = watch("{ min = [0, 0, 0], max = [1, 1, inf] }", "[0, 0, 0]");
+        team(3, |comm| {
+            let mut own = chimney.clone();
+            own.furthest = [(-0.5, 3), (0.02, 17), (0.01, 21)][comm.rank()];
+            own.left = [vec![], vec![12, 13], vec![20]][comm.rank()].clone();
+            let warnings = own.warnings(comm);
+            assert_eq!(warnings.len(), 2, "{warnings:?}");
+            assert!(warnings[0].contains("particle 17 was 2.000e-2 m beyond a wall"), "{warnings:?}");
+            assert!(
+                warnings[1].contains("3 particles left the open container, the first of them particle 12")
+            );
+            assert!(chimney.warnings(comm).is_empty());
+        });
+    }
+}

@@ -1,0 +1,337 @@
+//! One run from its beginning, whichever that is, to its end, whatever that is.
+
+use super::Ground;
+use crate::cli::report::{self, Monitor, Progress};
+use crate::cli::run::interrupts::Interrupts;
+use crate::domain::agreement::{agree, share};
+use crate::domain::{Comm, launch, rows};
+use crate::engine::dynamics::Clocks;
+use crate::engine::simulation::{Frame, FrameSummary, Observer, Outcome, Simulation, Snapshot, Task};
+use crate::error::Error;
+use crate::files::checkpoint::{self, Header};
+use crate::files::output::{self, Measures, Output, Quantity, Rows, RunInfo, Seconds};
+use crate::model::contact::{Law, Rebound, Tangential};
+use crate::model::particle::{Motion, Spin};
+use crate::scene::Scene;
+use crate::scene::initial_condition::{self, InitialCondition};
+use fail::fail_point;
+use std::path::Path;
+
+/// Where a run begins.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Beginning<'a> {
+    /// At its start, in a new file.
+    Start,
+    /// At its start, in a file that has the first `frames` frames already.
+    Again { frames: u64 },
+    /// At the checkpoint in this file, which has been verified.
+    Checkpoint(&'a Path),
+}
+
+/// A run of a scene, once its effects are types.
+pub(super) struct Execution<'a> {
+    pub ground: &'a Ground<'a>,
+    /// What the run is called: the scene file, or the output file that is taken up.
+    pub name: &'a Path,
+    /// The output file as the user named it.
+    pub file: &'a Path,
+    /// The same, absolute.
+    pub place: &'a Path,
+    pub scene: &'a Scene,
+    /// Where all particles were at t = 0.
+    pub start: &'a InitialCondition,
+    pub beginning: Beginning<'a>,
+}
+
+/// A simulation that is ready to run, and what is known of the run so far.
+struct Ready<S> {
+    simulation: S,
+    count: u64,
+    velocity_scale: f64,
+    course: FrameSummary,
+    /// Frames that are in the output file already.
+    frames: u64,
+    /// Frames from here on are not to be written again.
+    next: u64,
+    /// Checkpoints so far.
+    serial: u64,
+    /// Wall time so far, s.
+    wall_seconds: f64,
+}
+
+impl Execution<'_> {
+    /// Puts the particles in motion. Collective.
+    fn ready<'c, R: Rebound, T: Tangential, W: Spin>(
+        &self,
+        law: Law<R, T>,
+        comm: &'c dyn Comm,
+    ) -> Result<Ready<Simulation<'c, R, T, W>>, Error> {
+        let (scene, start) = (self.scene, self.start);
+        match self.beginning {
+            Beginning::Start | Beginning::Again { .. } => {
+                let count = start.x.len() as u64;
+                Ok(Ready {
+                    simulation: Simulation::new(scene, start, law, comm)?,
+                    count,
+                    velocity_scale: initial_condition::velocity_scale(scene, start),
+                    course: FrameSummary { count, ..FrameSummary::default() },
+                    frames: match self.beginning {
+                        Beginning::Again { frames } => frames,
+                        _ => 0,
+                    },
+                    next: 0,
+                    serial: 0,
+                    wall_seconds: 0.0,
+                })
+            }
+            Beginning::Checkpoint(path) => {
+                let (header, remembered) = checkpoint::read::<W>(comm, path)?;
+                let Header { count, velocity_scale, course, serial, wall_seconds, .. } = header;
+                let frames = header.memory.frame;
+                let simulation = Simulation::resume(scene, law, comm, count, velocity_scale, remembered)?;
+                Ok(Ready {
+                    simulation,
+                    count,
+                    velocity_scale,
+                    course,
+                    frames,
+                    next: frames,
+                    serial,
+                    wall_seconds,
+                })
+            }
+        }
+    }
+
+    fn info(&self, velocity_scale: f64) -> RunInfo {
+        let Ground { comm, threads, set, .. } = *self.ground;
+        let scene = self.scene;
+        RunInfo {
+            version: env!("CARGO_PKG_VERSION").into(),
+            commit: env!("DEMHYBRID_COMMIT").into(),
+            scene: scene.resolved(),
+            method: scene.solver.method,
+            tolerance: scene.solver.tolerance.unwrap_or(0.0),
+            step: scene.solver.step,
+            norm: scene.solver.norm,
+            velocity_scale,
+            contact_reach: crate::engine::simulation::reach(scene, velocity_scale),
+            energy: scene.output.energy,
+            mass: scene.particles.mass,
+            ranks: comm.size(),
+            threads,
+            instruction_set: format!("{} {}", std::env::consts::ARCH, set.name()),
+        }
+    }
+
+    /// The output file, new or with `frames` frames in it. Collective.
+    fn output<'c>(
+        &self,
+        comm: &'c dyn Comm,
+        info: &RunInfo,
+        count: u64,
+        frames: u64,
+        rotation: bool,
+    ) -> Result<Output<'c>, Error> {
+        let (scene, place) = (self.scene, self.place);
+        if let Beginning::Start = self.beginning {
+            let block = rows::block(count, comm.rank(), comm.size());
+            let created = Output::create(comm, place, info, count, scene.particles.radius, rotation, block)?;
+            if comm.rank() == 0 {
+                checkpoint::clear(place);
+            }
+            return Ok(created);
+        }
+        share(comm, || {
+            let unusable = |why| {
+                Error::Input(format!("--resume {}: it cannot be made ready: {why}", self.file.display()))
+            };
+            output::prepare(place, frames, info).map(|()| String::new()).map_err(unusable)
+        })?;
+        Output::open(comm, place, info.energy, count, rotation, frames)
+    }
+}
+
+impl Task for Execution<'_> {
+    type Output = Result<(), Error>;
+
+    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Result<(), Error> {
+        let Ground { args, comm, started, .. } = *self.ground;
+        let (scene, rotation) = (self.scene, W::COMPONENTS > 0);
+        let outside = agree(
+            comm,
+            Interrupts::listen(scene, self.place, comm.rank(), started)
+                .map_err(|why| Error::Input(format!("signals cannot be listened to: {why}"))),
+        )?;
+        let wish = || outside.wish();
+        let ready = self.ready::<R, T, W>(law, comm)?;
+        let Ready { mut simulation, count, velocity_scale, course, frames, next, serial, wall_seconds } =
+            ready;
+        let info = self.info(velocity_scale);
+        let output = self.output(comm, &info, count, frames, rotation)?;
+        simulation.heed(&wish);
+        let mut recorder = Recorder {
+            comm,
+            output,
+            scene,
+            info: &info,
+            place: self.place,
+            outside: &outside,
+            progress: Progress::new(comm.rank(), scene.t_end, args.quiet, args.verbose),
+            measures: None,
+            course,
+            watch: Monitor::new(scene, self.start),
+            kept: frames,
+            next,
+            written: 0,
+            serial,
+            earlier_seconds: wall_seconds,
+            started,
+        };
+        let outcome = simulation.run(&mut recorder);
+        recorder.progress.close();
+        let outcome = outcome?;
+        let transfer = recorder.output.transfer_report().to_string();
+        let wall_seconds = recorder.wall_seconds();
+        let Recorder { output, measures, course, watch, written, .. } = recorder;
+        match (outcome.stopped, measures) {
+            (Some(wish), _) => {
+                outside.granted(wish);
+                output.stop(&wish.to_string())?;
+            }
+            (None, Some(measures)) => {
+                let seconds = seconds(&outcome.clocks, outcome.output_seconds);
+                let by = outcome.at_rest_by;
+                output.finish(&Measures { wall_seconds, seconds, ..measures }, &outcome.choice, by)?;
+            }
+            (None, None) => {}
+        }
+        let written = format!("{}: {written} frames, {transfer}", self.file.display());
+        self.tell(&outcome, &course, &watch, &written);
+        match outcome.stopped {
+            Some(wish) => {
+                Err(Error::Stopped { wish, t: outcome.time, file: self.file.display().to_string() })
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl Execution<'_> {
+    /// The closing summary, and what to doubt. Collective.
+    fn tell(&self, outcome: &Outcome, course: &FrameSummary, watch: &Monitor, written: &str) {
+        let Ground { comm, threads, .. } = *self.ground;
+        let text = report::summary(comm, self.name, self.scene, outcome, course, threads, written);
+        let doubts = report::doubts(comm, self.scene, self.start, outcome, course, watch);
+        if comm.rank() == 0 {
+            launch::print(&text);
+            doubts.iter().for_each(|doubt| launch::say(doubt));
+        }
+    }
+}
+
+/// Writes frames and checkpoints, and tells about them.
+struct Recorder<'a> {
+    comm: &'a dyn Comm,
+    output: Output<'a>,
+    scene: &'a Scene,
+    info: &'a RunInfo,
+    place: &'a Path,
+    outside: &'a Interrupts,
+    progress: Progress,
+    measures: Option<Measures>,
+    course: FrameSummary,
+    watch: Monitor,
+    /// Frames that the file held at the beginning.
+    kept: u64,
+    /// The next frame.
+    next: u64,
+    /// Frames that were written.
+    written: u64,
+    serial: u64,
+    earlier_seconds: f64,
+    started: std::time::Instant,
+}
+
+/// The time that went into the parts of the work.
+fn seconds(clocks: &Clocks, output: f64) -> Seconds {
+    let Clocks { forces, ghosts, lists, reduction } = *clocks;
+    let [forces, ghosts, lists, reduction] =
+        [forces, ghosts, lists, reduction].map(|part| part.as_secs_f64());
+    Seconds { forces, ghosts, lists, reduction, output }
+}
+
+impl Recorder<'_> {
+    /// Wall time of the run, in this process and before, s.
+    fn wall_seconds(&self) -> f64 {
+        self.earlier_seconds + self.started.elapsed().as_secs_f64()
+    }
+}
+
+impl<W: Spin> Observer<W> for Recorder<'_> {
+    fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error> {
+        fail_point!("output");
+        let column = |quantity| {
+            let vector = |body: &Motion<W>| match quantity {
+                Quantity::Position => body.x.into(),
+                Quantity::Velocity => body.v.into(),
+                Quantity::AngularVelocity => body.omega.vector().into(),
+            };
+            frame.rows.map(vector)
+        };
+        let rows = Rows { first: frame.first, column: &column };
+        let counts = frame.counts;
+        let measures = Measures {
+            time: frame.time,
+            step: frame.step,
+            steps_accepted: counts.accepted,
+            steps_rejected: counts.rejected,
+            steps_outrun: counts.outrun,
+            rhs_evaluations: counts.rhs,
+            pair_evaluations: counts.pairs,
+            lists_built: counts.rebuilds,
+            forced_accepts: counts.forced,
+            limits: counts.limits,
+            kinetic_energy: frame.kinetic_energy,
+            potential_energy: frame.potential_energy,
+            dissipated: frame.dissipated,
+            largest_overlap: frame.largest_overlap,
+            bed_height: frame.bed_height,
+            wall_seconds: self.wall_seconds(),
+            seconds: seconds(&frame.clocks, frame.output_seconds),
+        };
+        let overlap = report::overlap_warning(self.scene, frame.largest_overlap);
+        if let (0, true, Some(warning)) = (self.next, frame.first == 0 && !frame.rows.is_empty(), overlap) {
+            launch::say(&warning);
+        }
+        if self.next >= self.kept {
+            self.output.append(&rows, &measures)?;
+            self.written += 1;
+        }
+        self.measures = Some(measures);
+        self.next += 1;
+        self.course.follow(frame);
+        self.watch.follow(frame);
+        self.progress.frame(frame);
+        Ok(())
+    }
+
+    fn checkpoint(&mut self, snapshot: &Snapshot<W>) -> Result<(), Error> {
+        let header = Header {
+            serial: self.serial + 1,
+            version: self.info.version.clone(),
+            instruction_set: self.info.instruction_set.clone(),
+            scene: self.info.scene.clone(),
+            count: snapshot.count,
+            rotation: W::COMPONENTS > 0,
+            velocity_scale: self.info.velocity_scale,
+            wall_seconds: self.wall_seconds(),
+            course: self.course,
+            memory: snapshot.memory,
+        };
+        checkpoint::write(self.comm, &checkpoint::slot(self.place, header.serial), &header, snapshot)?;
+        self.serial = header.serial;
+        self.outside.saved();
+        Ok(())
+    }
+}

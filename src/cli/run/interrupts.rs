@@ -1,0 +1,163 @@
+//! What a rank sees of the world outside while it computes: signals, the clock, the stop file.
+
+use crate::error::StopRequest;
+use crate::files::checkpoint;
+use crate::scene::Scene;
+use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
+use signal_hook::iterator::Signals;
+use signal_hook::low_level::emulate_default_handler;
+use std::cell::Cell;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Signals that stop a run: those that people and batch systems send.
+const SIGNALS: [i32; 3] = [SIGTERM, SIGINT, SIGUSR1];
+/// A signal that comes so long after the first one ends the process.
+const IMPATIENCE: Duration = Duration::from_secs(1);
+/// How often the stop file is looked for: a look takes long on a shared file system.
+const LOOK: Duration = Duration::from_millis(200);
+
+/// Everything that may stop a run or ask it for a checkpoint.
+#[derive(Debug)]
+pub struct Interrupts {
+    /// The last signal; 0: none.
+    signal: Arc<AtomicUsize>,
+    /// Only rank 0 has a clock and looks for the file.
+    leads: bool,
+    started: Instant,
+    limit: f64,
+    between_checkpoints: f64,
+    saved: Cell<Instant>,
+    stop_file: PathBuf,
+    looked: Cell<Instant>,
+}
+
+impl Interrupts {
+    /// Of a run of `scene` that writes to `output` and whose clock was `started`. From now on signals do not end the
+    /// process any more, but one that comes a second later does.
+    pub fn listen(scene: &Scene, output: &Path, rank: usize, started: Instant) -> io::Result<Self> {
+        let signal = Arc::new(AtomicUsize::new(0));
+        let (mut signals, heard) = (Signals::new(SIGNALS)?, Arc::clone(&signal));
+        // One request may come as several signals at once, from the batch system and from mpirun.
+        thread::Builder::new().name("signals".into()).spawn(move || {
+            let mut first = None;
+            for number in signals.forever() {
+                match first {
+                    None => {
+                        first = Some(Instant::now());
+                        heard.store(number as usize, Ordering::Relaxed);
+                    }
+                    Some(then) if then.elapsed() >= IMPATIENCE => {
+                        // It ends the process, unless the system does not allow even that.
+                        let _ = emulate_default_handler(number);
+                    }
+                    Some(_) => {}
+                }
+            }
+        })?;
+        Ok(Interrupts { signal, ..Interrupts::deaf(scene, output, rank, started) })
+    }
+
+    /// The same without signals.
+    fn deaf(scene: &Scene, output: &Path, rank: usize, started: Instant) -> Self {
+        let limit = scene.limits.as_ref().and_then(|keys| keys.wall);
+        let wall = scene.checkpoint.as_ref().and_then(|keys| keys.wall);
+        Interrupts {
+            signal: Arc::default(),
+            leads: rank == 0,
+            started,
+            limit: limit.unwrap_or(f64::INFINITY),
+            between_checkpoints: wall.unwrap_or(f64::INFINITY),
+            saved: Cell::new(started),
+            stop_file: checkpoint::stop_file(output),
+            looked: Cell::new(started),
+        }
+    }
+
+    /// What this rank would tell the others.
+    pub fn wish(&self) -> StopRequest {
+        if let Ok(number @ 1..) = u8::try_from(self.signal.load(Ordering::Relaxed)) {
+            return StopRequest::Signal(number);
+        }
+        if !self.leads {
+            return StopRequest::Nothing;
+        }
+        let now = Instant::now();
+        if (now - self.started).as_secs_f64() >= self.limit {
+            return StopRequest::WallLimit;
+        }
+        if now - self.looked.get() >= LOOK {
+            self.looked.set(now);
+            if self.stop_file.exists() {
+                return StopRequest::StopFile;
+            }
+        }
+        if (now - self.saved.get()).as_secs_f64() >= self.between_checkpoints {
+            return StopRequest::Checkpoint;
+        }
+        StopRequest::Nothing
+    }
+
+    /// A checkpoint was written just now.
+    pub fn saved(&self) {
+        self.saved.set(Instant::now());
+    }
+
+    /// The wish to stop is granted: who made the stop file need not remove it.
+    pub fn granted(&self, wish: StopRequest) {
+        if self.leads && wish == StopRequest::StopFile {
+            // If it cannot be removed, the next run will stop at once and say why.
+            let _ = std::fs::remove_file(&self.stop_file);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outside(sets: &[&str], folder: &Path, rank: usize, age: f64) -> Interrupts {
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        let scene = Scene::parse("settle.toml", include_str!("../../../configs/settle.toml"), &sets).unwrap();
+        let started = Instant::now().checked_sub(Duration::from_secs_f64(age)).unwrap();
+        Interrupts::deaf(&scene, &folder.join("a.vtkhdf"), rank, started)
+    }
+
+    #[test]
+    fn limits_are_rank_0_s_affair_and_the_stronger_wish_comes_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |sets: &[&str], rank| outside(sets, folder.path(), rank, 10.0).wish();
+        assert_eq!(of(&[], 0), StopRequest::Nothing);
+        assert_eq!(of(&["limits.wall=5"], 0), StopRequest::WallLimit);
+        assert_eq!(of(&["limits.wall=5"], 1), StopRequest::Nothing);
+        assert_eq!(of(&["limits.wall=1e300"], 0), StopRequest::Nothing);
+        assert_eq!(of(&["checkpoint.wall=5"], 0), StopRequest::Checkpoint);
+        assert_eq!(of(&["checkpoint.wall=5", "limits.wall=5"], 0), StopRequest::WallLimit);
+    }
+
+    #[test]
+    fn a_stop_file_is_seen_and_removed_when_it_is_granted() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.vtkhdf.stop");
+        std::fs::write(&file, "").unwrap();
+        let outside = outside(&[], folder.path(), 0, 1.0);
+        assert_eq!(outside.wish(), StopRequest::StopFile);
+        outside.granted(StopRequest::Signal(15));
+        assert!(file.exists());
+        outside.granted(StopRequest::StopFile);
+        assert!(!file.exists());
+    }
+
+    #[test]
+    fn a_checkpoint_resets_the_clock_of_checkpoints() {
+        let folder = tempfile::tempdir().unwrap();
+        let outside = outside(&["checkpoint.wall=5"], folder.path(), 0, 10.0);
+        assert_eq!(outside.wish(), StopRequest::Checkpoint);
+        outside.saved();
+        assert_eq!(outside.wish(), StopRequest::Nothing);
+    }
+}

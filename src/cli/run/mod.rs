@@ -1,0 +1,162 @@
+//! From the command line to the exit code: reads and checks the scene, runs it, tells about it.
+
+use crate::cli::report;
+use crate::domain::Comm;
+use crate::domain::agreement::{agree, share};
+use crate::domain::launch::{self, Threads};
+use crate::engine::dynamics::common_instructions;
+use crate::engine::load::load;
+use crate::engine::simulation;
+use crate::error::Error;
+use crate::files::output::Output;
+use crate::math::instructions::InstructionSet;
+use crate::scene::Scene;
+use crate::scene::initial_condition::InitialCondition;
+use crate::threads;
+use clap::builder::RangedU64ValueParser;
+use execute::{Beginning, Execution};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+mod execute;
+mod interrupts;
+mod resume;
+
+/// A run of a scene.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
+pub struct Args {
+    /// Scene file, TOML in SI units
+    #[arg(required_unless_present = "resume")]
+    pub scene: Option<PathBuf>,
+
+    /// Go on with the run that wrote FILE, from its last checkpoint, on any number of ranks and threads
+    ///
+    /// Scene and particles come from FILE and from FILE.ckpt-a and FILE.ckpt-b beside it. With --set, t_end may be larger,
+    /// and checkpoint.* and limits.* may change.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "output", "dry_run", "force"])]
+    pub resume: Option<PathBuf>,
+
+    /// Output file, in place of output.file of the scene
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+
+    /// Threads of each MPI rank [default: what the rank's cores and RAYON_NUM_THREADS allow]
+    #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
+    pub threads: Option<usize>,
+
+    /// Set a key of the scene, e.g. --set solver.tolerance=1e-3; may be repeated
+    ///
+    /// VALUE is TOML; text that is not TOML is taken as a string. Missing tables are created.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+
+    /// Check the scene, print what would run, and exit
+    #[arg(long)]
+    pub dry_run: bool,
+
+    /// Replace an existing output file
+    #[arg(long)]
+    pub force: bool,
+
+    /// No progress, only warnings and errors
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
+
+    /// More about the progress of the run
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+/// Runs the command line `args` on all ranks of `comm` and returns when it is done. Collective.
+pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
+    let started = Instant::now();
+    launch::check_launcher(comm.size())?;
+    let Threads { count: threads, have_cores, warning } =
+        agree(comm, launch::start_threads(comm, args.threads))?;
+    let set = agree(comm, InstructionSet::chosen())?;
+    let [set, widest] = common_instructions(comm, set);
+    let mixed = launch::mixed_machines_warning(set, widest);
+    let ground = Ground { args, comm, threads, set, started };
+    let tell = |warnings: &[String]| {
+        if comm.rank() == 0 {
+            warning.iter().chain(&mixed).chain(warnings).for_each(|warning| launch::say(warning));
+        }
+    };
+    let run = || match (&args.scene, &args.resume) {
+        (Some(scene), _) => begin(&ground, scene, &tell),
+        (None, Some(file)) => {
+            tell(&[]);
+            resume::run(&ground, file)
+        }
+        // The command line has been read: one of the two is there.
+        (None, None) => Err(Error::Input("a scene, or --resume FILE, is missing".into())),
+    };
+    if have_cores { threads::attended(run) } else { run() }
+}
+
+/// What every run stands on.
+struct Ground<'a> {
+    args: &'a Args,
+    comm: &'a dyn Comm,
+    threads: usize,
+    set: InstructionSet,
+    started: Instant,
+}
+
+/// Runs the scene `path`, or tells what it would do; `tell` brings warnings to the user. Collective.
+fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), Error> {
+    let Ground { args, comm, threads, .. } = *ground;
+    let (scene, start) = load_for_output(args, path, comm)?;
+    let file = scene.output.file.clone().unwrap_or_default();
+    share(comm, || spare_the_input(path, &scene, &file))?;
+    let count = start.x.len() as u64;
+    let room = report::output_bytes(&scene, count).saturating_add(report::checkpoint_bytes(&scene, count));
+    let place = Output::check_place(comm, &file, args.force, room);
+    tell(&if comm.rank() == 0 { report::forewarnings(&scene, &start) } else { Vec::new() });
+    if args.dry_run {
+        let output = match &place {
+            Ok(_) => file.display().to_string(),
+            Err(why) => format!("would be refused: {why}"),
+        };
+        let plan = report::plan(comm, path, &scene, &start, threads, &output);
+        if comm.rank() == 0 {
+            launch::print(&plan);
+        }
+        return Ok(());
+    }
+    let place = place?;
+    let beginning = Beginning::Start;
+    simulation::dispatch(
+        &scene,
+        Execution { ground, name: path, file: &file, place: &place, scene: &scene, start: &start, beginning },
+    )
+}
+
+/// The scene `path` and its particles, with the output file of the command line. Collective.
+fn load_for_output(args: &Args, path: &Path, comm: &dyn Comm) -> Result<(Scene, InitialCondition), Error> {
+    let (mut scene, start) = load(path, &args.set, comm)?;
+    if let Some(file) = &args.output {
+        if file.to_str().is_none() {
+            return Err(Error::Input(format!("--output {}: the name is not UTF-8 text", file.display())));
+        }
+        scene.output.file = Some(file.clone());
+    }
+    Ok((scene, start))
+}
+
+/// Refuses an output that would overwrite what the run is made from.
+fn spare_the_input(path: &Path, scene: &Scene, output: &Path) -> Result<String, Error> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let particles = scene.particles.file.as_ref().map(|file| folder.join(file));
+    let same =
+        |input: &Path| matches!((input.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    for (input, what) in [(Some(path.to_path_buf()), "the scene"), (particles, "particles.file")] {
+        if input.is_some_and(|input| same(&input)) {
+            let file = output.display();
+            return Err(Error::Input(format!(
+                "output.file = \"{file}\" is {what} itself; choose another name"
+            )));
+        }
+    }
+    Ok(String::new())
+}

@@ -1,0 +1,264 @@
+//! `--resume FILE`: goes on with a run from what it left on the disk.
+
+use super::Ground;
+use super::execute::{Beginning, Execution};
+use crate::cli::report;
+use crate::domain::agreement::{agree, share};
+use crate::domain::{Comm, launch};
+use crate::engine::load::{check_memory, share_start};
+use crate::engine::simulation;
+use crate::error::Error;
+use crate::files::checkpoint::{self, Header};
+use crate::files::output::{self, Found, Output};
+use crate::scene::Scene;
+use crate::scene::initial_condition::{self, InitialCondition};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// What is to be done about a file, as rank 0 finds it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+enum Plan {
+    /// Nothing: the run is complete.
+    Nothing { t: f64 },
+    /// To begin again, with what the file holds of the start.
+    Again { scene: String, frames: u64, count: u64 },
+    /// To go on from the first of these checkpoints that turns out to be sound.
+    Continue { scene: String, slots: Vec<Slot> },
+}
+
+/// A checkpoint whose head is sound.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Slot {
+    path: PathBuf,
+    serial: u64,
+    /// Time, s.
+    t: f64,
+    steps: u64,
+    count: u64,
+    instruction_set: String,
+    version: String,
+}
+
+/// Takes up the run that wrote `file`. Collective.
+pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
+    let Ground { args, comm, .. } = *ground;
+    let unusable = |why: String| Error::Input(format!("--resume {}: {why}", file.display()));
+    let place = Output::check_place(comm, file, true, 0)?;
+    let mut warnings = Vec::new();
+    let plan = share(comm, || {
+        let plan = plan(&place, &args.set, &mut warnings).map_err(unusable)?;
+        Ok(serde_json::to_string(&plan).expect("a plan holds texts and finite numbers"))
+    })?;
+    let tell = |text: &str| {
+        if comm.rank() == 0 {
+            launch::say(text);
+        }
+    };
+    warnings.iter().for_each(|warning| tell(warning));
+    let execute = |scene: &Scene, start: &InitialCondition, beginning: Beginning| {
+        let place = &place;
+        simulation::dispatch(scene, Execution { ground, name: file, file, place, scene, start, beginning })
+    };
+    match serde_json::from_str(&plan).expect("rank 0 made it") {
+        Plan::Nothing { t } => {
+            tell(&format!(
+                "demhybrid: the run in {} is complete, to t = {t} s: nothing to do. --set t_end=LARGER would go on",
+                file.display()
+            ));
+            Ok(())
+        }
+        Plan::Again { scene, frames, count } => {
+            let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
+            let start = start_of(comm, &scene, &place, frames, count)?;
+            tell(&format!(
+                "demhybrid: there is no checkpoint of {} yet: the run begins again at t = 0 s; the {frames} frames that it \
+                 holds stay",
+                file.display()
+            ));
+            let beginning = if frames > 0 { Beginning::Again { frames } } else { Beginning::Start };
+            execute(&scene, &start, beginning)
+        }
+        Plan::Continue { scene, slots } => {
+            let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
+            let slot = first_sound(comm, &slots, &tell).map_err(unusable)?;
+            // What came before the checkpoint is looked at for the warnings at the end.
+            let start = start_of(comm, &scene, &place, 1, slot.count)?;
+            Output::check_place(comm, file, true, report::output_bytes(&scene, slot.count))?;
+            tell(&format!(
+                "demhybrid: {} goes on from t = {} s, after {} steps (checkpoint {})",
+                file.display(),
+                slot.t,
+                slot.steps,
+                slot.path.display()
+            ));
+            let now = format!("{} {}", std::env::consts::ARCH, ground.set.name());
+            if slot.instruction_set != now {
+                tell(&format!(
+                    "warning: the checkpoint was made with the instruction set {}, and this machine works with {now}: \
+                     the last digits may differ from those of a run that was never stopped",
+                    slot.instruction_set
+                ));
+            }
+            if slot.version != env!("CARGO_PKG_VERSION") {
+                tell(&format!(
+                    "warning: the checkpoint was made by version {} of the program, and this is {}: the last digits may differ \
+                     from those of a run that was never stopped",
+                    slot.version,
+                    env!("CARGO_PKG_VERSION")
+                ));
+            }
+            let beginning = Beginning::Checkpoint(&slot.path);
+            execute(&scene, &start, beginning)
+        }
+    }
+}
+
+/// Looks at the file at `place` and at its checkpoints. One rank calls it.
+fn plan(place: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Plan, String> {
+    let heads: Vec<_> = checkpoint::slots(place)
+        .into_iter()
+        .filter_map(|slot| Some((checkpoint::look(&slot)?, slot)))
+        .collect();
+    if !place.exists() {
+        return Err(if heads.is_empty() {
+            "there is no such file; it is the output file of the run to go on with".into()
+        } else {
+            "there is no such file, although its checkpoints are there; put it back, or start the scene anew"
+                .into()
+        });
+    }
+    let found = output::inspect(place)?;
+    let recorded =
+        Scene::parse("", &found.scene, &[]).map_err(|why| format!("its scene is broken: {why}"))?;
+    let asked = scene_of(place, &found.scene, sets)?;
+    if found.completed && asked.t_end == recorded.t_end {
+        return Ok(Plan::Nothing { t: found.times.last().copied().unwrap_or(0.0) });
+    }
+    if heads.is_empty() {
+        let frames = frames_to_keep(&found, &asked);
+        return Ok(Plan::Again { scene: found.scene, frames, count: found.count });
+    }
+    let (mut sound, mut complaints): (Vec<(Header, PathBuf)>, _) = (Vec::new(), Vec::new());
+    for (head, path) in heads {
+        match head.and_then(|header| fits(&header, &found, &recorded, &path).map(|()| header)) {
+            Ok(header) => sound.push((header, path)),
+            Err(why) => complaints.push(why),
+        }
+    }
+    if sound.is_empty() {
+        return Err(format!(
+            "{}; remove what is broken, and the run begins again with the scene that is recorded in the file",
+            complaints.join("; ")
+        ));
+    }
+    warnings.extend(complaints.iter().map(|why| format!("warning: {why}")));
+    sound.sort_by_key(|(header, _)| std::cmp::Reverse(header.serial));
+    let slot = |(header, path): &(Header, PathBuf)| Slot {
+        path: path.clone(),
+        serial: header.serial,
+        t: header.memory.t,
+        steps: header.memory.counts.accepted,
+        count: header.count,
+        instruction_set: header.instruction_set.clone(),
+        version: header.version.clone(),
+    };
+    Ok(Plan::Continue { scene: found.scene, slots: sound.iter().map(slot).collect() })
+}
+
+/// Frames that the run will make again to the same bits, and that stay as they are: all but that of an end that is the
+/// end no more.
+fn frames_to_keep(found: &Found, asked: &Scene) -> u64 {
+    let interval = asked.output.interval.unwrap_or(asked.t_end / 100.0);
+    let times = found.times.iter().enumerate();
+    times.take_while(|&(k, &time)| time == k as f64 * interval || time == asked.t_end).count() as u64
+}
+
+/// Whether a checkpoint belongs to the run in the file, of the scene `recorded`.
+fn fits(header: &Header, found: &Found, recorded: &Scene, path: &Path) -> Result<(), String> {
+    let of = |what: String| Err(format!("{} {what}", path.display()));
+    let scene = match Scene::parse("", &header.scene, &[]) {
+        Ok(scene) => scene,
+        Err(why) => return of(format!("holds a broken scene: {why}")),
+    };
+    let timeless = |scene: &Scene| Scene { t_end: 1.0, checkpoint: None, limits: None, ..scene.clone() };
+    if timeless(&scene) != timeless(recorded) || header.count != found.count {
+        return of("is a checkpoint of another run".into());
+    }
+    if header.memory.frame > found.frames {
+        return of(format!(
+            "was made after {} frames, and the file holds {}: it is not the file that the checkpoint belongs to",
+            header.memory.frame, found.frames
+        ));
+    }
+    Ok(())
+}
+
+/// The first checkpoint whose particles are sound too. Collective.
+fn first_sound(comm: &dyn Comm, slots: &[Slot], tell: &dyn Fn(&str)) -> Result<Slot, String> {
+    let mut complaints = Vec::new();
+    for slot in slots {
+        match checkpoint::verify(comm, &slot.path) {
+            Ok(()) => {
+                complaints.iter().for_each(|why| tell(&format!("warning: {why}")));
+                return Ok(slot.clone());
+            }
+            Err(why) => complaints.push(why),
+        }
+    }
+    Err(complaints.join("; "))
+}
+
+/// Keys that may change without changing what was computed so far.
+const FREE: [&str; 3] = ["t_end", "checkpoint", "limits"];
+
+/// The recorded scene with the options of the command line, which must only extend the run.
+fn scene_of(file: &Path, recorded: &str, sets: &[String]) -> Result<Scene, String> {
+    for set in sets {
+        let key = set.split('=').next().unwrap_or_default().trim();
+        if !FREE.contains(&key.split('.').next().unwrap_or_default().trim()) {
+            return Err(format!(
+                "--set {set}: {key} is part of what was computed so far; only t_end (larger), checkpoint.* and limits.* \
+                 can change"
+            ));
+        }
+    }
+    let parse = |sets| Scene::parse(&file.to_string_lossy(), recorded, sets).map_err(|why| why.to_string());
+    let (before, scene) = (parse(&[])?, parse(sets)?);
+    if scene.t_end < before.t_end {
+        return Err(format!(
+            "--set t_end={}: the run goes to t_end = {} s already; only a larger one is possible",
+            scene.t_end, before.t_end
+        ));
+    }
+    Ok(scene)
+}
+
+/// The start of a run whose file holds `frames` frames. Collective.
+fn start_of(
+    comm: &dyn Comm,
+    scene: &Scene,
+    place: &Path,
+    frames: u64,
+    count: u64,
+) -> Result<InitialCondition, Error> {
+    if frames == 0 {
+        let Some(grid) = &scene.particles.grid else {
+            return Err(Error::Input(format!(
+                "--resume {}: it holds neither a frame nor a checkpoint; start its scene anew, with --force",
+                place.display()
+            )));
+        };
+        agree(comm, check_memory(comm, scene, grid.count))?;
+        return Ok(initial_condition::grid(scene, grid));
+    }
+    agree(comm, check_memory(comm, scene, count))?;
+    let mut read = InitialCondition::default();
+    share(comm, || {
+        let unreadable = |why| {
+            Error::Input(format!("--resume {}: its first frame cannot be read: {why}", place.display()))
+        };
+        read = output::first_frame(place, count).map_err(unreadable)?;
+        initial_condition::check(scene, &read).map(|()| String::new())
+    })?;
+    Ok(share_start(comm, read))
+}

@@ -1,0 +1,47 @@
+//! Commands that need neither MPI nor a simulation: they look at what a run has written, or tell about the program.
+
+use super::{CommandLine, Tool, analyze, export, init, render};
+use crate::domain::launch;
+use crate::error::Error;
+use crate::scene;
+use clap::CommandFactory;
+
+/// Does what `tool` asks for, on the first of several ranks alone; returns the exit code. Without MPI.
+pub fn alone(tool: &Tool) -> i32 {
+    if !launch::speaks_first() {
+        return 0;
+    }
+    match run(tool) {
+        Ok(()) => 0,
+        Err(error) => {
+            launch::say(&format!("demhybrid: error: {error}"));
+            error.exit_code()
+        }
+    }
+}
+
+fn run(tool: &Tool) -> Result<(), Error> {
+    match tool {
+        Tool::Analyze(args) => analyze::run(args),
+        Tool::Export(args) => export::run(args),
+        Tool::Init { scene, force } => init::write(scene, *force),
+        Tool::Render(args) => render::run(args),
+        Tool::Schema => {
+            launch::print(&scene::schema());
+            Ok(())
+        }
+        Tool::Completions { shell } => {
+            let mut text = Vec::new();
+            clap_complete::generate(*shell, &mut CommandLine::command(), "demhybrid", &mut text);
+            launch::print(&String::from_utf8_lossy(&text));
+            Ok(())
+        }
+        Tool::Man => {
+            let mut text = Vec::new();
+            let page = clap_mangen::Man::new(CommandLine::command()).render(&mut text);
+            page.map_err(|why| Error::Input(format!("the manual page cannot be made: {why}")))?;
+            launch::print(&String::from_utf8_lossy(&text));
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! What one rank knows becomes what all ranks know, failures above all: every rank leaves, and one says why.
+
+use crate::domain::{Comm, launch};
+use crate::error::Error;
+
+/// What `make` gives on rank 0, text or mistake, on every rank. Collective.
+pub fn share(comm: &dyn Comm, make: impl FnOnce() -> Result<String, Error>) -> Result<String, Error> {
+    let mut bytes = Vec::new();
+    if comm.rank() == 0 {
+        let (flag, text) = match make() {
+            Ok(text) => (0, text),
+            Err(why) => (1, why.to_string()),
+        };
+        bytes.push(flag);
+        bytes.extend_from_slice(text.as_bytes());
+    }
+    comm.broadcast(&mut bytes);
+    let text = String::from_utf8_lossy(&bytes[1..]).into_owned();
+    if bytes[0] == 0 { Ok(text) } else { Err(Error::Input(text)) }
+}
+
+/// Lets rank 0 alone `write`; its failure ends all ranks, and rank 0 says why. Collective.
+pub fn write_on_rank_0(comm: &dyn Comm, write: impl FnOnce() -> Result<(), Error>) -> Result<(), Error> {
+    let mut written = Ok(());
+    let failed = share(comm, || {
+        written = write();
+        Ok(if written.is_err() { "failed".to_owned() } else { String::new() })
+    })?;
+    match (failed.is_empty(), written) {
+        (false, Ok(())) => Err(Error::Elsewhere { code: 4 }),
+        (_, written) => written,
+    }
+}
+
+/// Makes the failure of one rank everybody's: the lowest rank that failed says why, all leave together with its exit code.
+/// Collective.
+pub fn agree<T>(comm: &dyn Comm, own: Result<T, Error>) -> Result<T, Error> {
+    let rank = comm.rank() as f64;
+    let failed = |why: &Error| [-rank, f64::from(why.exit_code())];
+    let mut first = own.as_ref().err().map_or([f64::NEG_INFINITY, 0.0], failed);
+    comm.max(&mut first);
+    match own {
+        own if first[0] == f64::NEG_INFINITY => own,
+        Err(why) if first[0] == -rank => {
+            if comm.rank() == 0 {
+                return Err(why);
+            }
+            launch::say(&format!("demhybrid: error on rank {rank}: {why}"));
+            Err(Error::Elsewhere { code: why.exit_code() })
+        }
+        _ => Err(Error::Elsewhere { code: first[1] as i32 }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::comm::team::team;
+
+    #[test]
+    fn a_failure_that_only_one_rank_meets_ends_all() {
+        for failing in 0..3 {
+            team(3, |comm| {
+                let mistake = Error::Input("too little of something".into());
+                let own = if comm.rank() == failing { Err(mistake.clone()) } else { Ok(comm.rank()) };
+                let agreed = agree(comm, own);
+                // Rank 0 tells its own at the end, as it does with what all ranks know.
+                let tells_later = failing == 0 && comm.rank() == 0;
+                assert_eq!(agreed, Err(if tells_later { mistake } else { Error::Elsewhere { code: 2 } }));
+            });
+        }
+        team(3, |comm| assert_eq!(agree(comm, Ok(comm.rank())), Ok(comm.rank())));
+    }
+}

@@ -1,0 +1,77 @@
+//! Energies and other measures of a whole system, the same from any number of ranks.
+
+use super::Dynamics;
+use crate::domain::exact;
+use crate::engine::forces::{Depth, Dissipated, Setting, Stored};
+use crate::math::elementary::Separate;
+use crate::math::exact::{largest, total};
+use crate::math::larger;
+use crate::math::vector::Vec3;
+use crate::model::contact::{Rebound, Tangential};
+use crate::model::particle::{Motion, Spin};
+use crate::ode::Losses;
+
+impl<R: Rebound, T: Tangential, W: Spin> Dynamics<'_, R, T, W> {
+    /// Kinetic energy of all particles at `y`, J. Collective.
+    pub fn kinetic_energy(&self, y: &[Motion<W>]) -> f64 {
+        let Setting { mass, inverse_inertia, .. } = self.forces.setting;
+        // An infinite inertia (1/I = 0) holds no energy at w = 0, the only spin that it allows.
+        let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
+        let energy = |body: &Motion<W>| {
+            0.5 * mass * body.v.norm_squared() + 0.5 * inertia * body.omega.vector().norm_squared()
+        };
+        exact::exact_sum(self.comm, y.len(), |i| energy(&y[i]))
+    }
+
+    /// Potential energy (J) of all contacts and heights at `y`: rho(0) times the stored energy, so that H of
+    /// docs/design.md never grows; and the largest overlap (m). Collective.
+    pub fn potential_energy(&mut self, y: &[Motion<W>]) -> (f64, f64) {
+        self.place(y);
+        let Setting { mass, gravity, .. } = self.forces.setting;
+        let height = |i: usize| -mass * gravity.dot(&y[i].x);
+        let (law, forces) = (self.forces.law, &mut self.forces);
+        let mut depths = forces.largest(&Depth(law.l_max));
+        self.comm.max(&mut depths);
+        let [depth, overlap] = depths;
+        // The closest contact stores most: all ranks work out the same number.
+        let most = law.energies().stored::<Separate>(law.l_max - depth);
+        let highest = largest(y.len(), height);
+        let [energy] = exact::exact_sums(self.comm, [larger(most, highest)], |[scale]| {
+            let [stored, _] = forces.total(&Stored(law.energies()), |terms| [scale.integer(terms[0]), 0]);
+            [stored + total(y.len(), height, scale)]
+        });
+        (energy, overlap)
+    }
+
+    /// The sum of the net forces on all particles, whose accelerations are in `slope`, over the sum of the forces of all
+    /// contacts, each counted once and as if it were at rest (rho(0) F), and of all weights: 0 in perfect balance, 1 in free
+    /// fall; NaN where there is no force at all. Collective.
+    pub fn unbalanced_force(&mut self, y: &[Motion<W>], slope: &[Motion<W>]) -> f64 {
+        let Setting { mass, gravity, .. } = self.forces.setting;
+        let net = exact::exact_sum(self.comm, slope.len(), |i| mass * slope[i].v.norm());
+        let height = exact::exact_sum(self.comm, y.len(), |i| -mass * gravity.dot(&y[i].x));
+        // A contact at rest pushes with kappa times what it stores, but for the cut at l_max.
+        let stored = self.potential_energy(y).0 - height;
+        let weights = mass * gravity.norm() * self.count() as f64;
+        net / (self.forces.law.kappa * stored.max(0.0) + weights)
+    }
+
+    /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.
+    /// Collective.
+    pub(super) fn dissipation(&mut self) -> Losses {
+        let (law, forces) = (self.forces.law, &mut self.forces);
+        let dissipated = Dissipated(law.energies());
+        exact::exact_sums(self.comm, forces.largest(&dissipated), |scales| {
+            forces.total(&dissipated, |power| [0, 1].map(|k| scales[k].integer(power[k])))
+        })
+    }
+
+    /// Height of the highest point of any sphere against gravity (along z without gravity), from the origin, m.
+    /// Collective.
+    pub fn bed_height(&self, y: &[Motion<W>]) -> f64 {
+        let up = (-self.forces.setting.gravity).try_normalize(0.0).unwrap_or(Vec3::z());
+        let mut top = [y.iter().map(|body| up.dot(&body.x)).fold(f64::NEG_INFINITY, f64::max)];
+        self.comm.max(&mut top);
+        top[0] + self.forces.law.r
+    }
+}

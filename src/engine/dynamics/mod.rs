@@ -1,0 +1,576 @@
+//! The right-hand side, eqs. (2.13)-(2.15), of a system of particles that is spread over ranks.
+
+use crate::domain::halo::{Extent, Halo};
+use crate::domain::migration::{self, Census};
+use crate::domain::slabs::Slabs;
+use crate::domain::{Comm, exact};
+use crate::engine::forces::{CHUNK, Forces, Place, Setting};
+use crate::engine::neighbors::Order;
+use crate::error::{Error, StopRequest};
+use crate::math::instructions::InstructionSet;
+use crate::math::larger;
+use crate::math::vector::Vec3;
+use crate::model::contact::{Law, Rebound, Tangential};
+use crate::model::particle::{Motion, Spin};
+use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict};
+use crate::threads;
+use fail::fail_point;
+use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
+
+mod energy;
+mod faults;
+
+/// The furthest that a step may move a particle, as a share of its radius. Twice that, from both sides of a contact,
+/// is far less than the way through a sphere, so no collision is stepped over at any tolerance.
+pub const TRAVEL: f64 = 0.3;
+
+/// How far beyond `l_max` lists and ghosts reach, as a share of the radius. Twice the travel at least: two particles
+/// may approach each other.
+pub const SKIN: f64 = 2.0 * TRAVEL;
+
+/// Time spent in the parts of the work on this rank.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Clocks {
+    /// Waiting for and copying ghosts.
+    pub ghosts: Duration,
+    /// Contacts and sums.
+    pub forces: Duration,
+    /// Lists, migration, slab bounds.
+    pub lists: Duration,
+    /// Agreement on errors, and lengths of states over all ranks.
+    pub reduction: Duration,
+}
+
+/// Extremes over all particles of one state, known to all ranks.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Extremes {
+    /// Largest speed, m/s.
+    pub speed: f64,
+    /// Largest distance from the place where the lists were built, m.
+    pub drift: f64,
+}
+
+/// Looks out for the first right-hand side that is not finite: its time (s), state and slope.
+type Monitor<W> = Option<(f64, Vec<Motion<W>>, Vec<Motion<W>>)>;
+
+/// Equations of motion of all particles, of which this rank owns some.
+pub struct Dynamics<'c, R, T, W> {
+    comm: &'c dyn Comm,
+    forces: Forces<R, T, W>,
+    census: Census,
+    slabs: Slabs,
+    halo: Halo,
+    /// Ids of the owned particles, in the order of sums, then of the ghosts.
+    ids: Vec<u64>,
+    /// Where the owned particles were when the lists were built, m.
+    origin: Vec<Vec3>,
+    /// Largest squared distance of any stage so far from `origin`, as far as that may be too far, and from the start of the trial
+    /// step, m^2.
+    moved: [f64; 2],
+    /// Of the accepted state.
+    extremes: Extremes,
+    /// Of the result of the last trial.
+    candidate: Extremes,
+    /// The next stage has been begun together with the last one, as far as others see it.
+    is_open: bool,
+    pair_evaluations: u64,
+    /// Of all ranks, before this process took the run up.
+    earlier_pairs: u64,
+    rebuilds: u64,
+    /// Whether every right-hand side also tells what it dissipates.
+    audits: bool,
+    losses: Losses,
+    watch: Option<Monitor<W>>,
+    /// What this rank sees of the world outside.
+    outside: Option<&'c dyn Fn() -> StopRequest>,
+    /// What the ranks agreed on last.
+    wish: StopRequest,
+    /// A speed that matters in the scene, m/s.
+    velocity_scale: f64,
+    /// Largest gap at which surfaces interact, m; lists and ghosts reach that far at all times.
+    l_max: f64,
+    /// Time by part.
+    pub clocks: Clocks,
+}
+
+impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
+    /// Takes the particles `ids` with their states `y`, spread over the ranks in any way, and brings each to the rank
+    /// that owns it, with its part of each list of `companions`. Ids must be 0..count over all ranks; `velocity_scale` is
+    /// a speed that matters, m/s. Fails where `InstructionSet::chosen` does, which must be the same on all ranks. Collective.
+    pub fn new(
+        comm: &'c dyn Comm,
+        law: Law<R, T>,
+        setting: Setting,
+        velocity_scale: f64,
+        ids: Vec<u64>,
+        y: &mut Vec<Motion<W>>,
+        companions: &mut [&mut Vec<Motion<W>>],
+    ) -> Result<Self, Error> {
+        let [set, _] = common_instructions(comm, InstructionSet::chosen()?);
+        let l_max = law.l_max;
+        let mut slabs = Slabs::new(comm.size(), sizes(comm, y));
+        let heights: Vec<_> = y.iter().map(|body| (slabs.height(&body.x), 1)).collect();
+        slabs.balance(comm, heights.into_iter());
+        let mut dynamics = Dynamics {
+            census: Census::take(comm, &ids),
+            comm,
+            forces: Forces::new(law, setting, set),
+            slabs,
+            halo: Halo::default(),
+            ids,
+            origin: Vec::new(),
+            moved: [0.0; 2],
+            extremes: Extremes::default(),
+            candidate: Extremes::default(),
+            is_open: false,
+            pair_evaluations: 0,
+            earlier_pairs: 0,
+            rebuilds: 0,
+            audits: false,
+            losses: [0.0; 2],
+            watch: None,
+            outside: None,
+            wish: StopRequest::Nothing,
+            velocity_scale,
+            l_max,
+            clocks: Clocks::default(),
+        };
+        dynamics.forces.owned = y.len();
+        dynamics.relocate(0.0, y, companions)?;
+        if comm.size() > 1 {
+            // Now that pairs are known the slabs can have equal loads.
+            dynamics.relocate(0.0, y, companions)?;
+            dynamics.rebuilds = 1;
+        }
+        Ok(dynamics)
+    }
+
+    /// From now on evaluates contacts up to `gap` (m), or up to `l_max` where that is less. Returns whether that is a
+    /// change, after which slopes and energies are others.
+    pub fn evaluate_within(&mut self, gap: f64) -> bool {
+        let gap = gap.min(self.l_max);
+        let changed = gap != self.forces.law.l_max;
+        if changed {
+            self.forces.evaluate_within(gap);
+        }
+        changed
+    }
+
+    /// Distance of centres within which pairs are listed, m.
+    pub fn reach(&self) -> f64 {
+        let r = self.forces.law.r;
+        2.0 * r + self.l_max + SKIN * r
+    }
+
+    /// Furthest that a step may move a particle, m.
+    pub fn travel(&self) -> f64 {
+        TRAVEL * self.forces.law.r
+    }
+
+    /// Ids of the owned particles, in the order in which the states of the anchor are.
+    pub fn ids(&self) -> &[u64] {
+        &self.ids[..self.forces.owned]
+    }
+
+    /// Number of particles on all ranks.
+    pub fn count(&self) -> u64 {
+        self.census.count()
+    }
+
+    /// Slab bounds.
+    pub fn slabs(&self) -> &Slabs {
+        &self.slabs
+    }
+
+    /// Ghosts of this rank.
+    pub fn ghosts(&self) -> usize {
+        self.halo.ghosts()
+    }
+
+    /// Pairs on the lists of this rank.
+    pub fn listed_pairs(&self) -> usize {
+        self.forces.lists.pairs()
+    }
+
+    /// Pairs within `l_max` that were evaluated so far, each counted once over all ranks. Collective.
+    pub fn pair_evaluations(&self) -> u64 {
+        self.total_pairs(self.pair_evaluations)
+    }
+
+    /// The same from what `own_pairs` was on every rank at one time. Collective.
+    pub fn total_pairs(&self, own: u64) -> u64 {
+        let mut sum = [own];
+        self.comm.sum(&mut sum);
+        self.earlier_pairs + sum[0]
+    }
+
+    /// Of these, the ones with their earlier particle on this rank.
+    pub fn own_pairs(&self) -> u64 {
+        self.pair_evaluations
+    }
+
+    /// How often the lists were built.
+    pub fn rebuilds(&self) -> u64 {
+        self.rebuilds
+    }
+
+    /// Memory held for particles, ghosts and lists, bytes.
+    pub fn bytes(&self) -> usize {
+        self.forces.bytes()
+            + self.origin.capacity() * size_of::<Vec3>()
+            + self.ids.capacity() * size_of::<u64>()
+    }
+
+    /// Extremes of the result of the last trial.
+    pub fn candidate(&self) -> Extremes {
+        self.candidate
+    }
+
+    /// The state with these extremes is accepted.
+    pub fn commit(&mut self, extremes: Extremes) {
+        self.extremes = extremes;
+    }
+
+    /// Extremes of the accepted state.
+    pub fn extremes(&self) -> Extremes {
+        self.extremes
+    }
+
+    /// Where the owned particles were when the lists were built, m.
+    pub fn origin(&self) -> &[Vec3] {
+        &self.origin
+    }
+
+    /// Goes on with the counts of an earlier process, over all ranks: lists built and pairs evaluated.
+    pub fn go_on_from(&mut self, rebuilds: u64, pairs: u64) {
+        (self.rebuilds, self.earlier_pairs) = (rebuilds, pairs);
+    }
+
+    /// From now on asks `outside`, on every rank once a trial step, what it wishes.
+    pub fn heed(&mut self, outside: &'c dyn Fn() -> StopRequest) {
+        self.outside = Some(outside);
+    }
+
+    /// What the world outside wished in the last trial: the same on every rank.
+    pub fn wish(&self) -> StopRequest {
+        self.wish
+    }
+
+    /// The lists were built at the accepted state.
+    pub fn lists_are_fresh(&self) -> bool {
+        self.extremes.drift == 0.0
+    }
+
+    /// The largest step from the accepted state that moves no particle too far, as its speed lets expect, s.
+    pub fn step_limit(&self) -> f64 {
+        0.9 * self.travel() / self.extremes.speed
+    }
+
+    /// A step `h` (s) from the accepted state is likely to outrun the lists.
+    pub fn will_outrun(&self, h: f64) -> bool {
+        self.extremes.drift + self.extremes.speed * h > self.free_path()
+    }
+
+    /// How far a particle may move before the lists must be rebuilt, m.
+    fn free_path(&self) -> f64 {
+        0.5 * SKIN * self.forces.law.r
+    }
+
+    /// From now on every right-hand side also tells the power that it dissipates, which costs about twice as much again.
+    pub fn audit(&mut self) {
+        self.audits = true;
+    }
+
+    /// From now on looks out for a right-hand side that is not finite, which costs a reduction each.
+    pub fn watch(&mut self) {
+        self.watch = Some(None);
+    }
+
+    /// The first right-hand side since `watch` that was not finite: time (s), state and slope. Ends the watch.
+    pub fn broken(&mut self) -> Monitor<W> {
+        self.watch.take().flatten()
+    }
+
+    /// Migrates particles to their owners, moves slab bounds after them, and lists neighbours afresh. What belongs to
+    /// `anchor` may change in length and order. Collective.
+    pub fn rebuild(&mut self, anchor: &mut Anchor<Motion<W>>) -> Result<(), Error> {
+        let Anchor { t, y, slope, slope_known, direction, direction_known, .. } = anchor;
+        // All ranks know the same, so all send the same lists.
+        let known = [*slope_known, *direction_known];
+        let lists =
+            [slope, direction].into_iter().zip(known).filter_map(|(list, known)| known.then_some(list));
+        self.relocate(*t, y, &mut lists.collect::<Vec<_>>())
+    }
+
+    fn relocate(
+        &mut self,
+        t: f64,
+        y: &mut Vec<Motion<W>>,
+        companions: &mut [&mut Vec<Motion<W>>],
+    ) -> Result<(), Error> {
+        let clock = Instant::now();
+        self.ids.truncate(self.forces.owned);
+        if self.comm.size() > 1 {
+            let loads = self.forces.loads();
+            let own = loads.iter().sum::<u64>() as f64;
+            let all: Vec<u64> = self.gather([own]).into_iter().map(|[load]| load as u64).collect();
+            let turned = self.slabs.turn(sizes(self.comm, y));
+            let heights: Vec<f64> = y.iter().map(|body| self.slabs.height(&body.x)).collect();
+            let particles = heights.into_iter().zip(loads);
+            if turned {
+                self.slabs.balance(self.comm, particles);
+            } else {
+                self.slabs.follow(self.comm, particles, &all);
+            }
+        }
+        migration::migrate(self.comm, &self.slabs, &mut self.ids, y, companions);
+        self.census.check(self.comm, &self.ids, t)?;
+        let reach = self.reach();
+        let own = [0, 1, 2].map(|axis| Extent::of(y.iter().map(|body| body.x[axis])));
+        let [a, b, c] = own;
+        let extents = self.gather([a.low, a.high, b.low, b.high, c.low, c.high]).into_iter();
+        let extents: Vec<[Extent; 3]> =
+            extents.map(|ends| [0, 2, 4].map(|k| Extent { low: ends[k], high: ends[k + 1] })).collect();
+        let size = |axis: usize| Extent::around(extents.iter().map(|axes| axes[axis])).length();
+        let order = Order::new([0, 1, 2].map(size), reach);
+        migration::sort(|x, id| order.key(x, id), &mut self.ids, y, companions);
+        let axis = self.slabs.axis();
+        let heights: Vec<_> = extents.iter().map(|axes| axes[axis]).collect();
+        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, (axis, &heights), reach);
+        self.ids.extend(ghost_ids);
+        let mut bodies = Vec::with_capacity(y.len() + self.halo.ghosts());
+        bodies.extend_from_slice(y);
+        bodies.resize(y.len() + self.halo.ghosts(), Motion::zero());
+        self.halo.refresh(self.comm, y, &mut bodies[y.len()..]);
+        let keys = bodies.iter().zip(&self.ids).map(|(body, &id)| order.key(&body.x, id));
+        let keys: Vec<_> = keys.collect();
+        self.forces.list(&bodies, y.len(), &keys, [reach, reach - self.forces.law.r], self.halo.picks());
+        self.origin.clear();
+        self.origin.extend(y.iter().map(|body| body.x));
+        let mut speed = [fastest(y)];
+        self.comm.max(&mut speed);
+        self.extremes = Extremes { speed: speed[0], drift: 0.0 };
+        self.rebuilds += 1;
+        self.clocks.lists += clock.elapsed();
+        Ok(())
+    }
+
+    /// `own` of every rank, by rank. Collective.
+    fn gather<const K: usize>(&self, own: [f64; K]) -> Vec<[f64; K]> {
+        let mut all = vec![[0.0; K]; self.comm.size()];
+        self.comm.all_gather(&own, all.as_flattened_mut());
+        all
+    }
+
+    /// Puts owned bodies and ghosts where `y` says. Collective.
+    fn place(&mut self, y: &[Motion<W>]) {
+        self.halo.refresh(self.comm, y, self.forces.ghosts());
+        self.forces.put(y);
+    }
+
+    /// The right-hand side at the stage of a step from `y` that `make` makes, as for `Ivp::rhs_of`. Collective.
+    fn evaluate<const K: usize>(
+        &mut self,
+        t: f64,
+        y: &[Motion<W>],
+        [stage, stages]: [usize; 2],
+        mut vectors: [&mut [Motion<W>]; K],
+        dydt: &mut [Motion<W>],
+        make: &(impl Fn(usize, usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
+    ) {
+        fail_point!("rhs");
+        let begun = Instant::now();
+        let free = self.free_path().powi(2);
+        let forces = &mut self.forces;
+        let place = Place { make, stage, origin: &self.origin, free, start: y };
+        let mut waited = Duration::ZERO;
+        debug_assert!(!self.is_open || stage > 0, "stages of a turn come one after the other");
+        if !std::mem::take(&mut self.is_open) {
+            forces.open(place, again(&mut vectors), dydt);
+        }
+        if !self.halo.is_idle() {
+            let clock = Instant::now();
+            let mut inside = Duration::ZERO;
+            self.halo.pack(|k, _| forces.sent(k));
+            self.halo.exchange_during(self.comm, &mut || {
+                fail_point!("underway");
+                let clock = Instant::now();
+                forces.go_on(place, again(&mut vectors), dydt);
+                inside = clock.elapsed();
+            });
+            self.halo.deliver(forces.ghosts());
+            waited = clock.elapsed().saturating_sub(inside);
+        }
+        // Where somebody looks at bodies after this none may be ahead of the others.
+        self.is_open = stage + 1 < stages && !self.audits && self.watch.is_none();
+        let (pairs, moved) = forces.close(place, self.is_open, again(&mut vectors), dydt);
+        self.pair_evaluations += pairs;
+        self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
+        if self.audits {
+            self.losses = self.dissipation();
+        }
+        self.clocks.ghosts += waited;
+        self.clocks.forces += begun.elapsed().saturating_sub(waited);
+        self.look_out(t, dydt);
+    }
+
+    /// Remembers the first right-hand side that is not finite, where somebody asked for it. Collective.
+    fn look_out(&mut self, t: f64, dydt: &[Motion<W>]) {
+        if matches!(self.watch, Some(None)) {
+            let mut steepest = [dydt.iter().map(Linear::max_abs).fold(0.0, larger)];
+            self.comm.max(&mut steepest);
+            if steepest[0] == f64::INFINITY {
+                self.watch = Some(Some((t, self.forces.state(), dydt.to_vec())));
+            }
+        }
+    }
+}
+
+/// How far the particles of all ranks extend along each axis, m; negative where there are none. Collective.
+fn sizes<W>(comm: &dyn Comm, y: &[Motion<W>]) -> [f64; 3] {
+    let own = [0, 1, 2].map(|axis| Extent::of(y.iter().map(|body| body.x[axis])));
+    let mut ends = own.map(|extent| [-extent.low, extent.high]);
+    comm.max(ends.as_flattened_mut());
+    ends.map(|[low, high]| high + low)
+}
+
+/// The narrowest and the widest of the instruction sets that the ranks offer; `own` is this rank's. All use the narrowest.
+/// Collective.
+pub fn common_instructions(comm: &dyn Comm, own: InstructionSet) -> [InstructionSet; 2] {
+    let number = InstructionSet::ALL.iter().position(|&set| set == own).unwrap_or(0) as f64;
+    let mut ends = [-number, number];
+    comm.max(&mut ends);
+    ends.map(|end| InstructionSet::ALL[end.abs() as usize])
+}
+
+/// The same slices once more.
+fn again<'v, S, const K: usize>(vectors: &'v mut [&mut [S]; K]) -> [&'v mut [S]; K] {
+    vectors.each_mut().map(|vector| &mut **vector)
+}
+
+/// Largest speed, m/s.
+fn fastest<W>(y: &[Motion<W>]) -> f64 {
+    y.iter().fold(0.0, |speed, body| larger(speed, body.v.norm_squared())).sqrt()
+}
+
+impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
+    type State = Motion<W>;
+
+    fn begin(&mut self) {
+        debug_assert!(!self.is_open, "a turn ends with its last stage");
+        self.moved = [0.0; 2];
+        self.forces.begin();
+    }
+
+    fn rhs(&mut self, t: f64, y: &[Motion<W>], dydt: &mut [Motion<W>]) {
+        let make = |_: usize,
+                    first: usize,
+                    []: [&mut [Motion<W>]; 0],
+                    bodies: &mut [Motion<W>],
+                    _: &mut [Motion<W>]| {
+            bodies.copy_from_slice(&y[first..first + bodies.len()]);
+        };
+        // It may be at any state.
+        self.forces.begin();
+        self.evaluate(t, y, [0, 1], [], dydt, &make);
+    }
+
+    fn rhs_of<const K: usize>(
+        &mut self,
+        t: f64,
+        y: &[Motion<W>],
+        turn: [usize; 2],
+        vectors: [&mut [Motion<W>]; K],
+        dydt: &mut [Motion<W>],
+        make: &(impl Fn(usize, usize, [&mut [Motion<W>]; K], &mut [Motion<W>], &mut [Motion<W>]) + Sync),
+    ) {
+        self.evaluate(t, y, turn, vectors, dydt, make);
+    }
+
+    fn losses(&self) -> Losses {
+        self.losses
+    }
+
+    /// Twice the kinetic energy of the velocities in `v`, and positions by the speed at which a contact at rest would
+    /// swing; the square root of it. Friction is symmetric in this norm.
+    fn length(&mut self, v: &[Motion<W>]) -> f64 {
+        let clock = Instant::now();
+        let Setting { mass, inverse_inertia, .. } = self.forces.setting;
+        let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
+        let stiffness = self.forces.law.kappa * self.forces.law.f_0;
+        let square = |body: &Motion<W>| {
+            mass * body.v.norm_squared()
+                + inertia * body.omega.vector().norm_squared()
+                + stiffness * body.x.norm_squared()
+        };
+        let length = exact::exact_sum(self.comm, v.len(), |i| square(&v[i])).sqrt();
+        self.clocks.reduction += clock.elapsed();
+        length
+    }
+
+    fn add_direction(&mut self, round: u64, share: f64, v: &mut [Motion<W>]) {
+        let size = 1.0 / (self.forces.setting.mass * self.count() as f64).sqrt();
+        let (r, ids) = (self.forces.law.r, &self.ids[..self.forces.owned]);
+        threads::for_chunks(v, threads::GRAIN, |first, chunk| {
+            for (body, &id) in chunk.iter_mut().zip(&ids[first..]) {
+                let mut bits = migration::scramble(id ^ migration::scramble(round));
+                let mut vector = |size: f64| {
+                    Vec3::from_fn(|_, _| {
+                        bits = migration::scramble(bits);
+                        // 53 bits of a fraction in -1..1.
+                        size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0)
+                    })
+                };
+                let (v, spin) = (vector(size), W::from_vector(vector(size / r)));
+                body.add_scaled(share, &Motion { x: Vec3::zeros(), v, omega: spin });
+            }
+        });
+    }
+
+    /// 1.5e-8 of a particle at the speed of `velocity_scale`: half of the digits.
+    fn small_length(&self) -> f64 {
+        f64::EPSILON.sqrt() * self.forces.setting.mass.sqrt() * self.velocity_scale
+    }
+
+    fn agree(
+        &mut self,
+        y: &[Motion<W>],
+        next: &mut [Motion<W>],
+        finish: &(impl Fn(usize, &mut [Motion<W>]) -> f64 + Sync),
+    ) -> Verdict {
+        let clock = Instant::now();
+        let origin = &self.origin[..];
+        let largest = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|k| larger(a[k], b[k]));
+        let measure = |mut first: usize, part: &mut [Motion<W>]| {
+            let mut most = [0.0; 4];
+            for chunk in part.chunks_mut(CHUNK) {
+                most[0] = larger(most[0], finish(first, chunk));
+                let from = origin[first..].iter().zip(&y[first..]);
+                for (body, (origin, start)) in chunk.iter().zip(from) {
+                    let ways = [body.x - origin, body.x - start.x, body.v].map(|way| way.norm_squared());
+                    most = largest(most, [0.0, ways[0], ways[1], ways[2]]);
+                }
+                first += chunk.len();
+            }
+            most
+        };
+        let [error, drift, way, speed] = threads::chunks(next, threads::GRAIN, measure, largest);
+        let moved = [larger(self.moved[0], drift), larger(self.moved[1], way)];
+        let wish = self.outside.map_or(StopRequest::Nothing, |outside| outside()).weight();
+        let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), wish];
+        self.comm.max(&mut shared);
+        let [error, from_origin, from_start, speed, drift, wish] = shared;
+        self.wish = StopRequest::of_weight(wish);
+        self.candidate = Extremes { speed, drift };
+        self.clocks.reduction += clock.elapsed();
+        Verdict {
+            error,
+            covered: from_origin <= self.free_path().powi(2),
+            within_travel: from_start <= self.travel().powi(2),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,285 @@
+//! The right-hand side does not depend on who owns what, and who owns what follows the work.
+
+use super::*;
+use crate::domain::comm::team::team;
+use crate::domain::rows;
+use crate::domain::slabs::imbalance;
+use crate::math::elementary::Separate;
+use crate::model::contact::{Coulomb, Dissipative, Elastic, Frictionless};
+use crate::model::particle::{Locked, Spinning};
+use crate::model::wall::Wall;
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+
+type Body = Motion<Spinning>;
+
+/// Bits of the slopes by id, at the start and after a move, and the pairs that were evaluated.
+type Answer = (BTreeMap<u64, Vec<u64>>, u64);
+
+fn setting() -> Setting {
+    let walls = vec![
+        Wall::new(Vec3::repeat(-0.1), -Vec3::z()),
+        Wall::new(Vec3::new(1.4, 0.2, 0.0), Vec3::new(3.0, 0.1, 0.4)),
+    ];
+    Setting { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
+}
+
+fn law() -> Law<Dissipative, Coulomb> {
+    Law {
+        r: 0.1,
+        f_0: 10.0,
+        kappa: 150.0,
+        l_max: 0.1,
+        rebound: Dissipative::new(0.4, 10.0),
+        tangential: Coulomb::new(0.2, 0.01),
+    }
+}
+
+/// Slopes from `bounds.len() + 1` ranks, whose slabs have these inner bounds.
+fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
+    let ranks = bounds.len() + 1;
+    let found = Mutex::new((BTreeMap::<u64, Vec<u64>>::new(), 0));
+    team(ranks, |comm| {
+        let own = rows::block(bodies.len() as u64, comm.rank(), ranks);
+        let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
+        let mut dynamics =
+            Dynamics::new(comm, law(), setting(), 1.0, own.collect(), &mut y, &mut []).unwrap();
+        dynamics.slabs = Slabs::with_inner_bounds(bounds);
+        dynamics.relocate(0.0, &mut y, &mut []).unwrap();
+        let (low, high) = dynamics.slabs().of(comm.rank());
+        assert!(y.iter().all(|body| low <= body.x.z && body.x.z < high), "every rank has its slab");
+        dynamics.begin();
+        // The second time ghosts have moved, by less than the skin, and near pairs are picked afresh.
+        for _ in 0..2 {
+            let mut slope = y.clone();
+            dynamics.rhs(0.0, &y, &mut slope);
+            let mut found = found.lock().unwrap();
+            for (id, slope) in dynamics.ids().iter().zip(&slope) {
+                let mut numbers = [0.0; 9];
+                slope.pack(&mut numbers);
+                found.0.entry(*id).or_default().extend(numbers.map(f64::to_bits));
+            }
+            for (id, body) in dynamics.ids().iter().zip(&mut y) {
+                body.x += Vec3::from_fn(|axis, _| 0.02 * ((7 * id + 3 * axis as u64) % 5) as f64 - 0.04);
+            }
+        }
+        found.lock().unwrap().1 += dynamics.own_pairs();
+    });
+    found.into_inner().unwrap()
+}
+
+/// Clouds of all shapes: flat ones, columns, spheres within each other, and far-away ones.
+fn cloud() -> impl Strategy<Value = Vec<Body>> {
+    let vector = |size: f64| vec(-size..size, 3).prop_map(|v| Vec3::new(v[0], v[1], v[2]));
+    let sizes = vec(prop_oneof![Just(0.0), Just(0.3), Just(1.2), Just(1e6)], 3);
+    let body = (vector(0.5), vector(1.0), vector(20.0));
+    (sizes, vec(body, 1..80)).prop_map(|(sizes, bodies)| {
+        let body = |(k, (x, v, omega)): (usize, (Vec3, Vec3, Vec3))| {
+            // No two centres in one point.
+            let shift = Vec3::repeat(1e-3 * k as f64);
+            Motion { x: Vec3::from_fn(|axis, _| sizes[axis] * x[axis]) + shift, v, omega: Spinning(omega) }
+        };
+        bodies.into_iter().enumerate().map(body).collect()
+    })
+}
+
+/// Where bounds are: anywhere, at the height of a particle, or beyond all.
+#[derive(Debug, Clone)]
+enum Bound {
+    At(f64),
+    Of(prop::sample::Index),
+}
+
+fn bounds() -> impl Strategy<Value = Vec<Bound>> {
+    let bound = prop_oneof![
+        (-0.7..0.7f64).prop_map(Bound::At),
+        any::<prop::sample::Index>().prop_map(Bound::Of),
+        prop_oneof![Just(f64::INFINITY), Just(f64::NEG_INFINITY), Just(1e300)].prop_map(Bound::At),
+    ];
+    vec(bound, 1..5)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_slab_bounds_give_the_same_bits(bodies in cloud(), bounds in bounds()) {
+        let mut inner: Vec<f64> = bounds
+            .iter()
+            .map(|bound| match bound {
+                Bound::At(z) => *z,
+                Bound::Of(index) => index.get(&bodies).x.z,
+            })
+            .collect();
+        inner.sort_by(f64::total_cmp);
+        let (alone, pairs) = slopes(&bodies, &[]);
+        prop_assert_eq!(alone.len(), bodies.len());
+        prop_assert!(slopes(&bodies, &inner) == (alone, pairs), "other bits with bounds {:?}", inner);
+    }
+}
+
+#[test]
+fn ranks_with_different_instruction_sets_all_use_the_narrowest() {
+    use InstructionSet::{Avx2, Avx512, Baseline};
+    for (sets, ends) in [
+        ([Avx512, Avx2, Avx512], [Avx2, Avx512]),
+        ([Baseline, Avx512, Avx2], [Baseline, Avx512]),
+        ([Avx2; 3], [Avx2; 2]),
+        ([Avx512; 3], [Avx512; 2]),
+        ([Baseline; 3], [Baseline; 2]),
+    ] {
+        team(3, |comm| assert_eq!(common_instructions(comm, sets[comm.rank()]), ends));
+    }
+}
+
+/// Place `k` in a lattice of width `d` (m), 10 across, slightly tilted so that no two heights are equal.
+fn place(k: usize, d: f64) -> Vec3 {
+    let [a, b, c] = [k % 10, k / 10 % 10, k / 100].map(|k| k as f64);
+    Vec3::new(d * a, d * b, d * c + 1e-4 * (10.0 * b + a))
+}
+
+#[test]
+fn slabs_share_out_near_pairs_and_not_particles() {
+    // 500 spheres that touch, and above them 500 far apart.
+    let x: Vec<Vec3> = (0..1000).map(|k| place(k, if k < 500 { 0.19 } else { 0.6 })).collect();
+    let law = Law { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound: Elastic, tangential: Frictionless };
+    // Near pairs are those within the cut-off and a tenth of the radius; alone a particle counts 4.
+    let at = |i: u64| x[i as usize];
+    let work = |i: u64| 3 + x.iter().filter(|other| (at(i) - *other).norm() <= 0.31).count() as u64;
+    for ranks in 2..=3 {
+        team(ranks, |comm| {
+            let ids: Vec<u64> = (0..1000).filter(|id| *id as usize % ranks == comm.rank()).collect();
+            let body = |&id: &u64| Motion { x: x[id as usize], v: Vec3::zeros(), omega: Locked };
+            let mut y = ids.iter().map(body).collect();
+            let setting =
+                Setting { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
+            let mut dynamics = Dynamics::new(comm, law, setting, 1.0, ids, &mut y, &mut []).unwrap();
+            // The first lists were not known when the first bounds were set.
+            dynamics.rebuild(&mut Anchor::new(0.0, y)).unwrap();
+            let expected: Vec<u64> = dynamics.ids().iter().map(|&id| work(id)).collect();
+            assert_eq!(dynamics.forces.loads(), expected);
+            let (mut loads, mut counts) = (vec![0; ranks], vec![0; ranks]);
+            loads[comm.rank()] = expected.iter().sum();
+            counts[comm.rank()] = expected.len() as u64;
+            comm.sum(&mut loads);
+            comm.sum(&mut counts);
+            assert!(imbalance(&loads) < 1.1, "{loads:?}");
+            assert!(imbalance(&counts) > 1.3, "{counts:?}");
+        });
+    }
+}
+
+/// On a floor, below which the bed begins.
+fn floor() -> Setting {
+    Setting { walls: vec![Wall::new(Vec3::repeat(-0.09), -Vec3::z())], ..setting() }
+}
+
+/// A bed of `n` spheres, 4 deep and 8 wide, that overlap a little, with velocities and spins.
+fn bed(n: usize) -> Vec<Body> {
+    let body = |k: usize| {
+        let [a, b, c] = [k % 4, k / 4 % 8, k / 32].map(|k| k as f64);
+        let shake = |s: usize| 0.02 * ((k * s % 17) as f64 / 17.0 - 0.5);
+        let x = Vec3::new(0.19 * c + shake(5), 0.19 * b + shake(7), 0.19 * a + shake(11));
+        Motion {
+            x,
+            v: Vec3::from_fn(|axis, _| 20.0 * shake(axis + 2)),
+            omega: Spinning(Vec3::repeat(shake(13))),
+        }
+    };
+    (0..n).map(body).collect()
+}
+
+/// The slopes of `bodies` moved by `way(id)` (m) after their lists were built, with the ids, and the pairs, of this rank.
+fn after_a_move(comm: &dyn Comm, bodies: &[Body], way: &dyn Fn(u64) -> f64) -> (Vec<(u64, Body)>, u64) {
+    let own = rows::block(bodies.len() as u64, comm.rank(), comm.size());
+    let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
+    let mut dynamics = Dynamics::new(comm, law(), floor(), 1.0, own.collect(), &mut y, &mut []).unwrap();
+    assert_eq!(dynamics.forces.lists.blocks.len(), rayon::current_num_threads());
+    // Slabs lie across the length of the bed.
+    assert!(comm.size() == 1 || dynamics.slabs.axis() == 0);
+    let start = y.clone();
+    for (body, &id) in y.iter_mut().zip(dynamics.ids()) {
+        body.x.y += way(id);
+    }
+    // As the second stage of a step from where they were, begun with the end of the first; and as a state of its own.
+    dynamics.begin();
+    let mut second = y.clone();
+    for stage in [0, 1] {
+        let stages = [&start, &y];
+        let make = |k: usize, first: usize, []: [&mut [Body]; 0], bodies: &mut [Body], _: &mut [Body]| {
+            bodies.copy_from_slice(&stages[k][first..first + bodies.len()]);
+        };
+        dynamics.rhs_of(0.0, &start, [stage, 2], [], &mut second, &make);
+    }
+    let pairs = dynamics.own_pairs();
+    dynamics.begin();
+    let mut slope = y.clone();
+    dynamics.rhs(0.0, &y, &mut slope);
+    assert_eq!(slope, second);
+    (dynamics.ids().iter().copied().zip(slope).collect(), dynamics.own_pairs() - pairs)
+}
+
+/// The same by id, from so many ranks of so many threads.
+fn by_ranks_and_threads(
+    bodies: &[Body],
+    way: &(dyn Fn(u64) -> f64 + Sync),
+    ranks: usize,
+    threads: usize,
+) -> (Vec<Body>, u64) {
+    let found = Mutex::new((vec![Motion::zero(); bodies.len()], 0));
+    team(ranks, |comm| {
+        // Its work is done by this thread and others.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build().unwrap();
+        let (slopes, pairs) = after_a_move(comm, bodies, way);
+        drop(pool);
+        let mut found = found.lock().unwrap();
+        slopes.into_iter().for_each(|(id, slope)| found.0[id as usize] = slope);
+        found.1 += pairs;
+    });
+    found.into_inner().unwrap()
+}
+
+#[test]
+fn slopes_of_a_long_bed_are_the_sums_of_its_contacts_by_any_ranks_and_threads() {
+    // More particles than are made ahead of their pairs. They are at rest since the lists were built, or all have moved
+    // on, or only those that come last, when most pairs have been evaluated with what was picked before.
+    let bodies = bed(3000);
+    let ways: [&(dyn Fn(u64) -> f64 + Sync); 3] =
+        [&|_| 0.0, &|id| 0.029 * ((id % 3) as f64 - 1.0), &|id| if id > 2900 { 0.029 } else { 0.0 }];
+    for way in ways {
+        let alone = by_ranks_and_threads(&bodies, way, 1, 1);
+        let moved: Vec<Body> = (0u64..)
+            .zip(&bodies)
+            .map(|(id, body)| Motion { x: body.x + Vec3::y() * way(id), ..*body })
+            .collect();
+        for i in (0..3000).step_by(37).chain(2900..2910) {
+            let (mut force, mut torque) = (Vec3::zeros(), Vec3::zeros());
+            let mut add = |gap: f64, n: Vec3, v: Vec3, spins: Spinning| {
+                if gap <= 0.1 {
+                    let action = law().action::<Separate, _>(gap, &n, &v, &spins);
+                    force += action.force;
+                    torque += action.torque.0;
+                }
+            };
+            let a = &moved[i];
+            for wall in &floor().walls {
+                add(wall.depth(&a.x) - 0.1, -wall.normal, a.v, a.omega);
+            }
+            for b in moved.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, b)| b) {
+                let apart = a.x - b.x;
+                add(apart.norm() - 0.2, apart.normalize(), a.v - b.v, a.omega.plus(&b.omega));
+            }
+            let (slope, acceleration) = (&alone.0[i], force / 2.5 + floor().gravity);
+            assert!((slope.v - acceleration).norm() <= 1e-10 * (1.0 + force.norm()), "particle {i}");
+            assert!((slope.omega.0 - torque * 40.0).norm() <= 1e-9 * (1.0 + force.norm()), "particle {i}");
+            assert_eq!(slope.x, a.v);
+        }
+        for (ranks, threads) in [(2, 1), (3, 1), (1, 2), (1, 3), (2, 2)] {
+            let shared = by_ranks_and_threads(&bodies, way, ranks, threads);
+            assert!(shared == alone, "other bits from {ranks} ranks of {threads} threads");
+        }
+    }
+}

@@ -1,0 +1,393 @@
+//! Forces on the particles of one rank: every particle sums its walls in the order of the scene, then its pairs in the
+//! order of sums of [`crate::engine::neighbors`]. No rank, thread or list changes an order, so the sums have the same bits
+//! everywhere. A pair is evaluated once, or twice where its particles belong to two ranks or two threads.
+
+use crate::engine::kernel::{self, Measure, Survey};
+use crate::engine::neighbors::{Block, Key, Lists};
+use crate::math::elementary::{Arithmetic, Separate};
+use crate::math::instructions::InstructionSet;
+use crate::math::larger;
+use crate::math::vector::Vec3;
+use crate::model::contact::{Action, Energies, Law, Rebound, Tangential};
+use crate::model::particle::{Motion, Spin};
+use crate::model::wall::Wall;
+use crate::ode::Linear;
+use crate::threads;
+use blocks::each_block;
+pub use pass::{CHUNK, Place};
+use site::{Seen, Site, clear_for};
+
+mod blocks;
+mod pass;
+mod site;
+
+/// How far beyond the cut-off near pairs are picked, as a share of the radius.
+const INNER_SKIN: f64 = 0.1;
+
+/// Particles below which a block of its own is not worth a thread at its post, and one that must be woken.
+const BLOCK: [usize; 2] = [64, 512];
+
+/// What the equations of motion need besides the contact law.
+#[derive(Debug, Clone)]
+pub struct Setting {
+    /// Mass of every particle, kg.
+    pub mass: f64,
+    /// 1/I, 1/(kg m^2); I = 2/5 m r^2 for a homogeneous sphere.
+    pub inverse_inertia: f64,
+    /// Gravitational acceleration, m/s^2.
+    pub gravity: Vec3,
+    /// Walls in the order in which their forces are summed.
+    pub walls: Vec<Wall>,
+}
+
+/// A contact whose force is not finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Broken {
+    /// Local indices, the earlier in the order of sums first, and distance of the centres, m.
+    Pair(usize, usize, f64),
+    /// Local index, wall and overlap, m.
+    Wall(usize, usize, f64),
+}
+
+/// Work of a particle without pairs (stages, copies, walls), in units of half a pair; docs/performance.md has the costs.
+const LOAD: u64 = 4;
+
+/// What handing its work over to another thread costs every block but the last, in the same units: 2 us.
+const HANDOVER: u64 = 360;
+
+/// A block may have this many times its fair share of the work before blocks are cut anew.
+const TOLERATED_IMBALANCE: f64 = 1.03;
+
+/// How far a contact is below the largest gap at which surfaces interact, which it holds, and its overlap, m; 0 where it
+/// is not.
+pub struct Depth(pub f64);
+
+impl<W: Spin> Measure<W> for Depth {
+    const MOVES: bool = false;
+    #[inline(always)]
+    fn of<A: Arithmetic>(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
+        let above = |x: f64| if x > 0.0 { x } else { 0.0 };
+        [above(self.0 - gap), above(-gap)]
+    }
+}
+
+/// What a contact stores, J.
+pub struct Stored<'a, R, T>(pub Energies<'a, R, T>);
+
+impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Stored<'_, R, T> {
+    const MOVES: bool = false;
+    #[inline(always)]
+    fn of<A: Arithmetic>(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
+        [self.0.stored::<A>(gap), 0.0]
+    }
+}
+
+/// Power that a contact dissipates by rebound and by friction, W.
+pub struct Dissipated<'a, R, T>(pub Energies<'a, R, T>);
+
+impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Dissipated<'_, R, T> {
+    const MOVES: bool = true;
+    #[inline(always)]
+    fn of<A: Arithmetic>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2] {
+        self.0.dissipation::<A, W>(gap, n, v_rel, spins)
+    }
+}
+
+/// Blocks and their bodies.
+type Seat<'a, W> = (&'a mut [Block], &'a mut [Site<W>]);
+
+/// The same with their windows.
+type Windowed<'a, W> = (Seat<'a, W>, &'a mut [Vec<Motion<W>>]);
+
+/// Bodies, lists and forces of one rank.
+pub struct Forces<R, T, W> {
+    /// Contact law.
+    pub law: Law<R, T>,
+    /// Masses, gravity and walls.
+    pub setting: Setting,
+    /// Who may touch whom.
+    pub lists: Lists,
+    /// Number of owned particles; they have the first local indices, ghosts the next.
+    pub owned: usize,
+    /// Bounds of the blocks.
+    bounds: Vec<usize>,
+    /// The same from 0 to 1, as shares of the owned particles.
+    shares: Vec<f64>,
+    /// The bodies of every block.
+    sites: Vec<Site<W>>,
+    /// What every block shows of itself, in one stage and in the next.
+    windows: [Vec<Vec<Motion<W>>>; 2],
+    /// Which of the two belongs to the stage at hand.
+    shown: usize,
+    /// The ghosts.
+    ghosts: Vec<Motion<W>>,
+    /// Where the particles that are sent to other ranks are to be seen.
+    sent: Vec<Seen>,
+    /// Hidden particles of every block that are in place before its pairs are begun, at most.
+    ahead: usize,
+    set: InstructionSet,
+}
+
+impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
+    /// No particles yet. This processor must have the instructions of `set`.
+    pub fn new(law: Law<R, T>, setting: Setting, set: InstructionSet) -> Self {
+        Forces {
+            law,
+            setting,
+            lists: Lists::default(),
+            owned: 0,
+            bounds: vec![0, 0],
+            shares: Vec::new(),
+            sites: Vec::new(),
+            windows: [const { Vec::new() }; 2],
+            shown: 0,
+            ghosts: Vec::new(),
+            sent: Vec::new(),
+            ahead: 0,
+            set,
+        }
+    }
+
+    /// Takes `bodies`, of which the first are the `owned` ones, and lists pairs within `reach` (m) and walls within
+    /// `wall_reach` (m) of their centres; `keys` are theirs, those of the owned ones ascending. Particles with the local
+    /// indices `sent` are wanted by other ranks, in this order.
+    pub fn list(
+        &mut self,
+        bodies: &[Motion<W>],
+        owned: usize,
+        keys: &[Key],
+        [reach, wall_reach]: [f64; 2],
+        sent: impl Iterator<Item = usize> + Clone,
+    ) {
+        self.owned = owned;
+        let grain = BLOCK[usize::from(!threads::is_attended())];
+        let blocks = threads::blocks(owned, grain);
+        if self.shares.len() != blocks + 1 {
+            self.shares = (0..=blocks).map(|b| b as f64 / blocks as f64).collect();
+        }
+        let x: Vec<Vec3> = bodies.iter().map(|body| body.x).collect();
+        let list = |forces: &mut Self| {
+            let bound = |share: &f64| (share * owned as f64).round() as usize;
+            forces.bounds = forces.shares.iter().map(bound).collect();
+            let walls = (&forces.setting.walls[..], wall_reach);
+            forces.lists.rebuild_between(&forces.bounds, &x, keys, reach, walls);
+            forces.seat(bodies, sent.clone());
+        };
+        list(self);
+        if blocks > 1 && self.imbalance() > TOLERATED_IMBALANCE {
+            self.share_out();
+            list(self);
+        }
+    }
+
+    /// Brings all bodies to their blocks, and opens windows.
+    fn seat(&mut self, bodies: &[Motion<W>], sent: impl Iterator<Item = usize> + Clone) {
+        let Forces { lists, owned, sites, windows, ghosts, .. } = self;
+        lists.find_seen(sent.clone());
+        let blocks = lists.blocks.len();
+        let seen = |i: usize| match i.checked_sub(*owned) {
+            None => lists.place_of_seen(i),
+            Some(ghost) => [blocks as u32, ghost as u32],
+        };
+        self.sent.clear();
+        self.sent.extend(sent.map(seen));
+        sites.resize_with(blocks, Site::default);
+        clear_for(ghosts, bodies.len() - *owned);
+        ghosts.extend_from_slice(&bodies[*owned..]);
+        for windows in windows {
+            windows.resize_with(blocks, Vec::new);
+            for (block, window) in lists.blocks.iter().zip(windows) {
+                clear_for(window, block.seen.len());
+                window.resize(block.seen.len(), Motion::zero());
+            }
+        }
+        for (block, site) in lists.blocks.iter().zip(sites) {
+            site.ways = [0.0; 3];
+            site.begin();
+            site.seen.clear();
+            site.seen.extend(block.visitors.iter().map(|&i| seen(i as usize)));
+        }
+        let Forces { law, setting, lists, bounds, sites, .. } = self;
+        let seat = |(blocks, sites): Seat<W>, ()| {
+            sites[0].seat(&blocks[0], bodies);
+            sites[0].pick_near(&mut blocks[0], law, &setting.walls);
+        };
+        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &seat, &|(), ()| ());
+    }
+
+    /// The largest work of a block over the mean of all.
+    fn imbalance(&self) -> f64 {
+        let count = self.lists.blocks.len();
+        let loads = self.lists.blocks.iter().enumerate().map(|(b, block)| {
+            HANDOVER * u64::from(b + 1 < count)
+                + LOAD * block.range.len() as u64
+                + 2 * block.near.len() as u64
+        });
+        let (sum, most) = loads.fold((0, 0), |(sum, most), load| (sum + load, load.max(most)));
+        (most * self.lists.blocks.len() as u64) as f64 / sum as f64
+    }
+
+    /// Gives every block the same work.
+    fn share_out(&mut self) {
+        // A pair across a cut is evaluated on both sides.
+        let loads = self.loads_with(2);
+        let blocks = self.shares.len() as u64 - 1;
+        let total = loads.iter().sum::<u64>() + (blocks - 1) * HANDOVER;
+        let (mut below, mut next) = (0, 1);
+        for (i, load) in loads.iter().enumerate() {
+            while next < blocks && (below + next * HANDOVER) * blocks >= next * total {
+                self.shares[next as usize] = i as f64 / self.owned as f64;
+                next += 1;
+            }
+            below += load;
+        }
+    }
+
+    /// From now on evaluates contacts up to `gap` (m), which the lists must cover.
+    pub fn evaluate_within(&mut self, gap: f64) {
+        self.law.l_max = gap;
+        let Forces { law, setting, lists, bounds, sites, .. } = self;
+        let pick = |(blocks, sites): Seat<W>, ()| sites[0].pick_near(&mut blocks[0], law, &setting.walls);
+        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &pick, &|(), ()| ());
+    }
+
+    /// The ghosts.
+    pub fn ghosts(&mut self) -> &mut [Motion<W>] {
+        &mut self.ghosts
+    }
+
+    /// Moves the owned bodies to `y`; the ghosts are in place.
+    pub fn put(&mut self, y: &[Motion<W>]) {
+        let Forces { law, setting, lists, bounds, sites, windows, shown, ghosts, .. } = self;
+        let windows = &mut windows[*shown];
+        let own = ((&mut lists.blocks[..], &mut sites[..]), &mut windows[..]);
+        let put = |((blocks, sites), windows): Windowed<W>, y: &[Motion<W>]| {
+            sites[0].bodies[..y.len()].copy_from_slice(y);
+            sites[0].show(&blocks[0], &mut windows[0]);
+        };
+        each_block(bounds, own, y, &put, &|(), ()| ());
+        let follow = |(blocks, sites): Seat<W>, ()| {
+            sites[0].look(&blocks[0], windows, ghosts);
+            sites[0].follow(&mut blocks[0], law, &setting.walls);
+            sites[0].ways = [0.0; 3];
+        };
+        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &follow, &|(), ()| ());
+    }
+
+    /// Particle `k` of those that are sent to other ranks.
+    pub fn sent(&self, k: usize) -> &Motion<W> {
+        let [window, place] = self.sent[k];
+        &self.windows[self.shown][window as usize][place as usize]
+    }
+
+    /// The owned bodies in place.
+    pub fn state(&self) -> Vec<Motion<W>> {
+        let own = |(block, site): (&Block, &Site<W>)| site.bodies[..block.range.len()].to_vec();
+        self.lists.blocks.iter().zip(&self.sites).flat_map(own).collect()
+    }
+
+    /// A wall is a motionless partner with n = -n_k.
+    fn wall_action(&self, wall: &Wall, body: &Motion<W>) -> Option<Action<W>> {
+        let gap = wall.depth(&body.x) - self.law.r;
+        (gap <= self.law.l_max)
+            .then(|| self.law.action::<Separate, _>(gap, &-wall.normal, &body.v, &body.omega))
+    }
+
+    /// What a pair does to its first particle.
+    fn pair_action(&self, a: &Motion<W>, b: &Motion<W>) -> Action<W> {
+        let apart = a.x - b.x;
+        let d = apart.norm();
+        let gap = d - 2.0 * self.law.r;
+        if gap > self.law.l_max {
+            return Action::none();
+        }
+        self.law.action::<Separate, _>(gap, &(apart / d), &(a.v - b.v), &a.omega.plus(&b.omega))
+    }
+
+    /// Largest of each of the two numbers of all contacts of the bodies in place, by magnitude; 0 without any, infinite
+    /// where one is not a number.
+    pub fn largest(&mut self, measure: &impl Measure<W>) -> [f64; 2] {
+        let add = |a: [f64; 2], b: [f64; 2]| std::array::from_fn(|k| larger(a[k], b[k].abs()));
+        self.survey(measure, [0.0; 2], add, add)
+    }
+
+    /// Sums of the integers that stand for the two numbers of all contacts of the bodies in place.
+    pub fn total(
+        &mut self,
+        measure: &impl Measure<W>,
+        integers: impl Fn([f64; 2]) -> [i64; 2] + Sync,
+    ) -> [i128; 2] {
+        let add = |a: [i128; 2], b: [i128; 2]| std::array::from_fn(|k| a[k] + b[k]);
+        let take = |sum, terms| add(sum, integers(terms).map(i128::from));
+        self.survey(measure, [0; 2], take, add)
+    }
+
+    /// Folds the numbers of all contacts of the bodies in place, each contact once over all ranks. The order must not
+    /// matter.
+    fn survey<A: Copy + Send + Sync>(
+        &mut self,
+        measure: &impl Measure<W>,
+        identity: A,
+        take: impl Fn(A, [f64; 2]) -> A + Sync,
+        combine: impl Fn(A, A) -> A + Sync,
+    ) -> A {
+        let Forces { law, setting, lists, bounds, sites, set, .. } = self;
+        let work = |(blocks, sites): (&[Block], &mut [Site<W>]), ()| {
+            let Site { bodies, batch, .. } = &mut sites[0];
+            let mut sum = identity;
+            let survey = Survey { r: law.r, walls: &setting.walls, bodies, block: &blocks[0], batch };
+            kernel::measure(*set, survey, measure, |terms| sum = take(sum, terms));
+            sum
+        };
+        each_block(bounds, (&lists.blocks[..], &mut sites[..]), (), &work, &combine)
+    }
+
+    /// The contacts of the bodies in place whose force is not finite.
+    pub fn broken(&self) -> impl Iterator<Item = Broken> {
+        let finite = |action: &Action<W>| (action.force.norm_squared() + action.torque.max_abs()).is_finite();
+        self.lists.blocks.iter().zip(&self.sites).flat_map(move |(block, site)| {
+            let body = |place: u32| &site.bodies[place as usize];
+            let pairs = block.pairs.iter().filter(|[i, _]| block.owns(*i));
+            let pairs = pairs.filter(move |&&[i, j]| !finite(&self.pair_action(body(i), body(j))));
+            let pairs = pairs.map(move |&[i, j]| {
+                Broken::Pair(block.index(i), block.index(j), (body(i).x - body(j).x).norm())
+            });
+            let walls =
+                block.walls.iter().map(move |&[i, k]| (i, k as usize, &self.setting.walls[k as usize]));
+            let walls = walls.filter(move |(i, _, wall)| {
+                self.wall_action(wall, body(*i)).is_some_and(|action| !finite(&action))
+            });
+            let overlap = move |i: u32, wall: &Wall| self.law.r - wall.depth(&body(i).x);
+            pairs.chain(walls.map(move |(i, k, wall)| Broken::Wall(block.index(i), k, overlap(i, wall))))
+        })
+    }
+
+    /// Work that every owned particle makes in a right-hand side, in units of one of its near pairs.
+    pub fn loads(&self) -> Vec<u64> {
+        self.loads_with(1)
+    }
+
+    /// The same where the particle of a block has this part of a pair with a visitor.
+    fn loads_with(&self, across: u64) -> Vec<u64> {
+        let mut loads = vec![LOAD; self.owned];
+        for block in &self.lists.blocks {
+            for pair in &block.near {
+                let part = if pair.iter().all(|&place| block.owns(place)) { 1 } else { across };
+                for &place in pair.iter().filter(|&&place| block.owns(place)) {
+                    loads[block.index(place)] += part;
+                }
+            }
+        }
+        loads
+    }
+
+    /// Memory held, bytes.
+    pub fn bytes(&self) -> usize {
+        let windows =
+            self.windows.iter().flatten().map(Vec::capacity).sum::<usize>() + self.ghosts.capacity();
+        self.lists.bytes()
+            + self.sites.iter().map(Site::bytes).sum::<usize>()
+            + windows * size_of::<Motion<W>>()
+            + self.sent.capacity() * size_of::<Seen>()
+    }
+}

@@ -1,0 +1,8 @@
+//! The solver: neighbour lists, the contact kernel, forces, the right-hand side, and the driver of a run.
+
+pub mod dynamics;
+pub mod forces;
+pub mod kernel;
+pub mod load;
+pub mod neighbors;
+pub mod simulation;

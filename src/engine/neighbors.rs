@@ -1,0 +1,567 @@
+//! Who may touch whom: a cell grid finds pairs within reach, lists remember them until a particle outruns the skin.
+
+use crate::math::vector::Vec3;
+use crate::model::particle::Motion;
+use crate::model::wall::Wall;
+use crate::threads;
+use std::ops::Range;
+
+/// Particles sorted into cells as wide as the reach. The table wraps around, so that its size follows the number of
+/// particles and not the distance between the furthest two.
+struct Cells {
+    width: f64,
+    dims: [i64; 3],
+    /// Start of each bucket in `items`; one more than there are buckets.
+    start: Vec<u32>,
+    items: Vec<u32>,
+}
+
+impl Cells {
+    fn new(x: &[Vec3], width: f64) -> Self {
+        let mut cells = Cells { width, dims: [1; 3], start: Vec::new(), items: vec![0; x.len()] };
+        let (mut low, mut high) = ([i64::MAX; 3], [i64::MIN; 3]);
+        for x in x {
+            for (axis, c) in cells.coordinates(x).into_iter().enumerate() {
+                low[axis] = low[axis].min(c);
+                high[axis] = high[axis].max(c);
+            }
+        }
+        let room = 2 * x.len() as i64 + 64;
+        let extent = |axis: usize| high[axis].saturating_sub(low[axis]).clamp(0, room) + 1;
+        cells.dims = [extent(0), extent(1), extent(2)];
+        let product = |dims: [i64; 3]| dims.into_iter().fold(1, i64::saturating_mul);
+        while product(cells.dims) > room {
+            let widest = (0..3).max_by_key(|&axis| cells.dims[axis]).expect("there are three axes");
+            cells.dims[widest] = (cells.dims[widest] + 1) / 2;
+        }
+        let buckets = cells.dims.iter().product::<i64>() as usize;
+        let home: Vec<u32> = x.iter().map(|x| cells.bucket(cells.coordinates(x)) as u32).collect();
+        cells.start = vec![0; buckets + 1];
+        for &b in &home {
+            cells.start[b as usize + 1] += 1;
+        }
+        for b in 0..buckets {
+            cells.start[b + 1] += cells.start[b];
+        }
+        let mut fill = cells.start.clone();
+        for (i, &b) in home.iter().enumerate() {
+            cells.items[fill[b as usize] as usize] = i as u32;
+            fill[b as usize] += 1;
+        }
+        cells
+    }
+
+    fn coordinates(&self, x: &Vec3) -> [i64; 3] {
+        [0, 1, 2].map(|axis| coordinate(x[axis], self.width))
+    }
+
+    fn bucket(&self, c: [i64; 3]) -> usize {
+        let wrap = |axis: usize| c[axis].rem_euclid(self.dims[axis]);
+        ((wrap(2) * self.dims[1] + wrap(1)) * self.dims[0] + wrap(0)) as usize
+    }
+
+    /// Calls `visit` for every particle in the cells around `x`, once each, in no order that matters.
+    fn for_each_near(&self, x: &Vec3, mut visit: impl FnMut(u32)) {
+        let c = self.coordinates(x);
+        // Offsets that lead to different buckets: in a table of one or two cells some wrap onto each other.
+        let offsets = |axis: usize| match self.dims[axis] {
+            1 => 0..=0,
+            2 => 0..=1,
+            _ => -1..=1,
+        };
+        for dz in offsets(2) {
+            for dy in offsets(1) {
+                for dx in offsets(0) {
+                    let b = self.bucket([c[0] + dx, c[1] + dy, c[2] + dz]);
+                    for &j in &self.items[self.start[b] as usize..self.start[b + 1] as usize] {
+                        visit(j);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The cell that `x` (m) is in. Casts saturate: a particle beyond 1e18 cells shares the last one.
+fn coordinate(x: f64, width: f64) -> i64 {
+    ((x / width).floor() as i64).clamp(-(1 << 60), 1 << 60)
+}
+
+/// Where a particle stands in the order in which forces are summed: by the cell that it was in when the lists were
+/// built, then by id. All ranks agree on it, so sums have the same bits everywhere; and what is close in space is close
+/// in memory.
+pub type Key = ([i64; 3], u64);
+
+/// The order of sums: cells as wide as the reach, slowest along the axis along which most of them lie.
+#[derive(Debug, Clone, Copy)]
+pub struct Order {
+    width: f64,
+    axes: [usize; 3],
+}
+
+impl Order {
+    /// For a cloud of the given `sizes` (m) and lists of the given `reach` (m); both the same on all ranks.
+    pub fn new(sizes: [f64; 3], reach: f64) -> Self {
+        let mut axes = [0, 1, 2];
+        // Stable: equal sizes keep x before y before z.
+        axes.sort_by(|&a, &b| sizes[b].total_cmp(&sizes[a]));
+        Order { width: reach, axes }
+    }
+
+    /// Where particle `id` at `x` (m) stands.
+    pub fn key(&self, x: &Vec3, id: u64) -> Key {
+        (self.axes.map(|axis| coordinate(x[axis], self.width)), id)
+    }
+}
+
+/// Pairs that are evaluated together.
+pub const BATCH: usize = 128;
+
+/// Contacts of a range of owned particles, as one thread evaluates them. A pair across ranges, like one across ranks, is
+/// listed in both. Bodies have places in the block: its own particles first, then its visitors.
+#[derive(Debug, Default)]
+pub struct Block {
+    /// The owned particles.
+    pub range: Range<usize>,
+    /// Places of own particles that other blocks or ranks see, ascending.
+    pub seen: Vec<u32>,
+    /// Places between those that are seen: all of these are at both ends.
+    pub hidden: Range<usize>,
+    /// Particles of other blocks, and ghosts, that are on the lists: their local indices, ascending.
+    pub visitors: Vec<u32>,
+    /// Places of pairs with a particle in `range`, each the earlier one in the order of sums first, in that order.
+    pub pairs: Vec<[u32; 2]>,
+    /// The pairs that may be within the cut-off before a particle has moved by half the inner skin.
+    pub near: Vec<[u32; 2]>,
+    /// One more than the highest place of an own particle in every [`BATCH`] of near pairs.
+    pub horizon: Vec<u32>,
+    /// Place of an own particle, and wall, by both.
+    pub walls: Vec<[u32; 2]>,
+    /// The walls that may be within the cut-off before a particle has moved by half the inner skin.
+    pub near_walls: Vec<[u32; 2]>,
+}
+
+impl Block {
+    /// Local index of the body at a place.
+    pub fn index(&self, place: u32) -> usize {
+        let place = place as usize;
+        match place.checked_sub(self.range.len()) {
+            None => self.range.start + place,
+            Some(visitor) => self.visitors[visitor] as usize,
+        }
+    }
+
+    /// Whether a place is that of an own particle.
+    pub fn owns(&self, place: u32) -> bool {
+        (place as usize) < self.range.len()
+    }
+
+    /// Local indices of the pairs whose first particle is in the block: over all blocks of all ranks every pair once.
+    pub fn first_pairs(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
+        let first = self.pairs.iter().filter(|[i, _]| self.owns(*i));
+        first.map(|pair| pair.map(|place| self.index(place)))
+    }
+
+    /// Local index and wall, of every wall contact.
+    pub fn wall_contacts(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
+        self.walls.iter().map(|&[place, wall]| [self.index(place), wall as usize])
+    }
+
+    /// Picks the pairs within `reach` (m) for `near`, and the walls within theirs (m) for `near_walls`; `bodies` by place.
+    pub fn pick_near<W>(&mut self, bodies: &[Motion<W>], reach: f64, (walls, wall_reach): (&[Wall], f64)) {
+        self.near_walls.clear();
+        // What is not a number is not far: it must show.
+        let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&bodies[i as usize].x) > wall_reach;
+        self.near_walls.extend(self.walls.iter().copied().filter(|contact| !far(contact)));
+        // Without a branch: written always, kept by moving on.
+        self.near.resize(self.pairs.len(), [0; 2]);
+        let mut kept = 0;
+        for &pair in &self.pairs {
+            let apart = bodies[pair[0] as usize].x - bodies[pair[1] as usize].x;
+            self.near[kept] = pair;
+            // What is not a number is not far: it must show.
+            let far = apart.norm_squared() > reach * reach;
+            kept += usize::from(!far);
+        }
+        self.near.truncate(kept);
+        self.horizon.clear();
+        // As much as the lists may ever ask for: near pairs are picked within steps too, where nothing is allocated.
+        self.horizon.reserve(self.pairs.len().div_ceil(BATCH));
+        let own = self.range.len() as u32;
+        let horizon = |pairs: &[[u32; 2]]| {
+            pairs
+                .as_flattened()
+                .iter()
+                .filter(|&&place| place < own)
+                .fold(0, |most, place| most.max(place + 1))
+        };
+        self.horizon.extend(self.near.chunks(BATCH).map(horizon));
+    }
+
+    fn bytes(&self) -> usize {
+        let lists = [&self.pairs, &self.near, &self.walls, &self.near_walls].map(Vec::capacity);
+        let singles = self.horizon.capacity() + self.visitors.capacity() + self.seen.capacity();
+        lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + singles * size_of::<u32>()
+    }
+}
+
+/// Pairs and walls that the owned particles of a rank may touch before a particle has moved by half the skin.
+#[derive(Debug, Default)]
+pub struct Lists {
+    /// Consecutive ranges of the owned particles.
+    pub blocks: Vec<Block>,
+}
+
+impl Lists {
+    /// Lists every pair with an owned particle whose centres are within `reach` (m), and every wall within
+    /// `wall_reach` (m) of an owned centre, in as many blocks as asked for. `x` and `keys` hold the owned particles
+    /// first, by ascending key, then the ghosts.
+    pub fn rebuild(
+        &mut self,
+        x: &[Vec3],
+        keys: &[Key],
+        owned: usize,
+        reach: f64,
+        walls: (&[Wall], f64),
+        blocks: usize,
+    ) {
+        let bounds: Vec<usize> = (0..=blocks).map(|b| owned * b / blocks).collect();
+        self.rebuild_between(&bounds, x, keys, reach, walls);
+    }
+
+    /// `rebuild` in blocks with these `bounds`, from 0 to the number of owned particles.
+    pub fn rebuild_between(
+        &mut self,
+        bounds: &[usize],
+        x: &[Vec3],
+        keys: &[Key],
+        reach: f64,
+        walls: (&[Wall], f64),
+    ) {
+        let owned = bounds[bounds.len() - 1];
+        debug_assert!(keys[..owned].is_sorted(), "the owned particles are in the order of sums");
+        assert!(x.len() < 1 << 32, "a rank knows fewer than 2^32 particles: more ranks share the work");
+        let cells = Cells::new(x, reach);
+        let mut order: Vec<u32> = (0..x.len() as u32).collect();
+        order.sort_unstable_by_key(|&i| keys[i as usize]);
+        let mut place = vec![0; x.len()];
+        for (k, &i) in order.iter().enumerate() {
+            place[i as usize] = k as u32;
+        }
+        self.blocks.resize_with(bounds.len() - 1, Block::default);
+        for (block, ends) in self.blocks.iter_mut().zip(bounds.windows(2)) {
+            block.range = ends[0]..ends[1];
+        }
+        threads::each(&mut self.blocks, &|block: &mut Block| {
+            block.list_pairs(x, &cells, [&place, &order], reach);
+            block.list_walls(x, walls);
+        });
+    }
+
+    /// Pairs on the lists, each counted once over all ranks.
+    pub fn pairs(&self) -> usize {
+        self.blocks.iter().map(|block| block.first_pairs().count()).sum()
+    }
+
+    /// Finds what is seen of every block, where other ranks see the owned particles `sent` (local indices).
+    pub fn find_seen(&mut self, sent: impl Iterator<Item = usize>) {
+        let owned = self.blocks.last().map_or(0, |block| block.range.end);
+        let visitors = self.blocks.iter().flat_map(|block| block.visitors.iter().map(|&i| i as usize));
+        let seen: Vec<usize> = visitors.filter(|&i| i < owned).chain(sent).collect();
+        self.blocks.iter_mut().for_each(|block| block.seen.clear());
+        for i in seen {
+            let b = self.block_of(i);
+            let block = &mut self.blocks[b];
+            block.seen.push((i - block.range.start) as u32);
+        }
+        for Block { range, seen, hidden, .. } in &mut self.blocks {
+            seen.sort_unstable();
+            seen.dedup();
+            let middle = seen.partition_point(|&place| (place as usize) < range.len() / 2);
+            let (front, back) = seen.split_at(middle);
+            hidden.start = front.last().map_or(0, |&place| place as usize + 1);
+            hidden.end = back.first().map_or(range.len(), |&place| place as usize);
+        }
+    }
+
+    /// Block of an owned particle that is seen (local index), and which of those it is.
+    pub fn place_of_seen(&self, i: usize) -> [u32; 2] {
+        let b = self.block_of(i);
+        let Block { range, seen, .. } = &self.blocks[b];
+        [b as u32, seen.partition_point(|&place| (place as usize) < i - range.start) as u32]
+    }
+
+    fn block_of(&self, i: usize) -> usize {
+        self.blocks.partition_point(|block| block.range.end <= i)
+    }
+
+    /// Memory held, bytes.
+    pub fn bytes(&self) -> usize {
+        self.blocks.iter().map(Block::bytes).sum()
+    }
+}
+
+impl Block {
+    /// `place` is where particles stand in the order of sums, `order` who stands there.
+    fn list_pairs(&mut self, x: &[Vec3], cells: &Cells, [place, order]: [&[u32]; 2], reach: f64) {
+        let (mut own, mut foreign) = (Vec::new(), Vec::new());
+        for i in self.range.clone() {
+            let first = own.len();
+            cells.for_each_near(&x[i], |j| {
+                let j = j as usize;
+                let (here, there) = (place[i], place[j]);
+                // Both in the range: found from both sides, kept from the earlier one.
+                let earlier = here < there;
+                if j != i
+                    && (earlier || !self.range.contains(&j))
+                    && (x[i] - x[j]).norm_squared() <= reach * reach
+                {
+                    if earlier { own.push([here, there]) } else { foreign.push([there, here]) }
+                }
+            });
+            own[first..].sort_unstable();
+        }
+        foreign.sort_unstable();
+        self.pairs.clear();
+        let mut foreign = foreign.into_iter().peekable();
+        for pair in own {
+            while let Some(earlier) = foreign.next_if(|&other| other < pair) {
+                self.pairs.push(earlier);
+            }
+            self.pairs.push(pair);
+        }
+        self.pairs.extend(foreign);
+        self.pairs.shrink_to(self.pairs.len() + self.pairs.len() / 8);
+        self.seat(order);
+    }
+
+    /// Makes places in the block of the places in the order of sums that the pairs have, where `order` says who stands
+    /// there.
+    fn seat(&mut self, order: &[u32]) {
+        let (range, visitors) = (&self.range, &mut self.visitors);
+        visitors.clear();
+        for pair in &mut self.pairs {
+            *pair = pair.map(|place| order[place as usize]);
+            visitors.extend(pair.iter().copied().filter(|&i| !range.contains(&(i as usize))));
+        }
+        visitors.sort_unstable();
+        visitors.dedup();
+        visitors.shrink_to_fit();
+        for place in self.pairs.as_flattened_mut() {
+            let i = *place as usize;
+            *place = if range.contains(&i) {
+                (i - range.start) as u32
+            } else {
+                (range.len() + visitors.partition_point(|visitor| visitor < place)) as u32
+            };
+        }
+    }
+
+    fn list_walls(&mut self, x: &[Vec3], (walls, reach): (&[Wall], f64)) {
+        self.walls.clear();
+        for i in self.range.clone() {
+            let near = walls.iter().enumerate().filter(|(_, wall)| wall.depth(&x[i]) <= reach);
+            self.walls.extend(near.map(|(k, _)| [(i - self.range.start) as u32, k as u32]));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::particle::Locked;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use std::collections::BTreeSet;
+
+    fn cloud(n: usize, size: [f64; 3], seed: u64) -> Vec<Vec3> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        (0..n).map(|_| Vec3::from_fn(|axis, _| size[axis] * (rng.random::<f64>() - 0.3))).collect()
+    }
+
+    /// Lists in `blocks` blocks, and the set of listed pairs of ids, the earlier one in the order of sums first.
+    fn listed(
+        x: &[Vec3],
+        keys: &[Key],
+        owned: usize,
+        reach: f64,
+        blocks: usize,
+    ) -> (Lists, BTreeSet<[u64; 2]>) {
+        let mut lists = Lists::default();
+        lists.rebuild(x, keys, owned, reach, (&[], 0.0), blocks);
+        let mut set = BTreeSet::new();
+        for block in &lists.blocks {
+            let pairs: Vec<[Key; 2]> =
+                block.pairs.iter().map(|pair| pair.map(|place| keys[block.index(place)])).collect();
+            assert!(pairs.iter().all(|[a, b]| a < b));
+            assert!(pairs.windows(2).all(|w| w[0] < w[1]), "pairs are in the order of sums, each once");
+            assert!(block.visitors.iter().all(|&i| !block.range.contains(&(i as usize))));
+            assert!(block.pairs.iter().all(|pair| pair.iter().any(|&place| block.owns(place))));
+            set.extend(pairs.iter().map(|pair| pair.map(|(_, id)| id)));
+        }
+        (lists, set)
+    }
+
+    fn brute_force(x: &[Vec3], keys: &[Key], owned: usize, reach: f64) -> BTreeSet<[u64; 2]> {
+        let mut set = BTreeSet::new();
+        for i in 0..owned {
+            for j in i + 1..x.len() {
+                if (x[i] - x[j]).norm_squared() <= reach * reach {
+                    let (i, j) = if keys[i] < keys[j] { (i, j) } else { (j, i) };
+                    set.insert([keys[i].1, keys[j].1]);
+                }
+            }
+        }
+        set
+    }
+
+    /// A cloud with the keys of its particles, the first `owned` sorted by them.
+    fn keyed(n: usize, owned: usize, size: [f64; 3], seed: u64) -> (Vec<Vec3>, Vec<Key>) {
+        let order = Order::new(size, 0.3);
+        let x = cloud(n, size, seed).into_iter().zip(0u64..);
+        let mut all: Vec<_> = x.map(|(x, k)| (order.key(&x, (k * 7919) % 10_007), x)).collect();
+        all[..owned].sort_unstable_by_key(|(key, _)| *key);
+        all.into_iter().map(|(key, x)| (x, key)).unzip()
+    }
+
+    #[test]
+    fn lists_hold_the_pairs_that_brute_force_finds() {
+        let boxes = [[1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [5.0, 0.2, 0.2], [0.3, 4.0, 0.5], [1e7, 1.0, 1.0]];
+        for (seed, size) in boxes.into_iter().enumerate() {
+            for n in [1, 2, 40, 150] {
+                for owned in [0, n / 2, n] {
+                    let (x, keys) = keyed(n, owned, size, seed as u64);
+                    let expected = brute_force(&x, &keys, owned, 0.3);
+                    for blocks in [1, 2, 5] {
+                        let (lists, set) = listed(&x, &keys, owned, 0.3, blocks);
+                        assert_eq!(set, expected);
+                        let owned_first = |pair: &&[u64; 2]| keys[..owned].iter().any(|key| key.1 == pair[0]);
+                        assert_eq!(lists.pairs(), expected.iter().filter(owned_first).count());
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_particle_meets_its_partners_in_the_order_of_sums() {
+        let (x, keys) = keyed(120, 90, [1.0, 1.0, 0.5], 3);
+        for blocks in [1, 3] {
+            let (lists, set) = listed(&x, &keys, 90, 0.3, blocks);
+            for i in 0..90 {
+                let block = lists.blocks.iter().find(|block| block.range.contains(&i)).expect("one holds it");
+                let partners: Vec<Key> = block
+                    .pairs
+                    .iter()
+                    .map(|pair| pair.map(|place| block.index(place)))
+                    .filter(|pair| pair.contains(&i))
+                    .map(|[a, b]| keys[if a == i { b } else { a }])
+                    .collect();
+                assert!(partners.windows(2).all(|w| w[0] < w[1]));
+                assert_eq!(partners.len(), set.iter().filter(|pair| pair.contains(&keys[i].1)).count());
+            }
+        }
+    }
+
+    #[test]
+    fn near_pairs_are_those_within_their_reach_in_the_same_order() {
+        let (x, keys) = keyed(150, 100, [1.0, 1.0, 0.5], 5);
+        let (mut lists, _) = listed(&x, &keys, 100, 0.3, 2);
+        let body = |x: &Vec3| Motion { x: *x, v: Vec3::zeros(), omega: Locked };
+        for block in &mut lists.blocks {
+            let places = 0..(block.range.len() + block.visitors.len()) as u32;
+            let bodies: Vec<_> = places.map(|place| body(&x[block.index(place)])).collect();
+            block.pick_near(&bodies, 0.25, (&[], 0.0));
+            let at = |place: &u32| bodies[*place as usize].x;
+            let within = |[i, j]: &[u32; 2]| (at(i) - at(j)).norm() <= 0.25;
+            let expected: Vec<_> = block.pairs.iter().copied().filter(within).collect();
+            assert!(expected.len() > 10 && expected.len() < block.pairs.len());
+            assert_eq!(block.near, expected);
+        }
+    }
+
+    #[test]
+    fn a_far_away_particle_costs_no_memory_and_slows_no_search() {
+        let mut x = cloud(1000, [1.0, 1.0, 1.0], 9);
+        for far in [1e5, -1e12, 1e300, -1e300] {
+            x[500] = Vec3::new(0.0, far, far);
+            let cells = Cells::new(&x, 0.3);
+            assert!(cells.start.len() <= 2065);
+            let mut visited = 0;
+            cells.for_each_near(&x[0], |_| visited += 1);
+            assert!(visited < 1000, "{visited} of 1000 visited: the bulk is no longer resolved");
+        }
+    }
+
+    #[test]
+    fn walls_are_listed_within_their_reach() {
+        let walls = [Wall::new(Vec3::zeros(), -Vec3::z()), Wall::new(Vec3::new(1.0, 0.0, 0.0), Vec3::x())];
+        let x = [Vec3::new(0.9, 0.0, 0.15), Vec3::new(0.5, 0.0, 0.1), Vec3::new(0.5, 0.0, 0.5)];
+        let mut lists = Lists::default();
+        let keys = [4, 5, 6].map(|id| ([0; 3], id));
+        lists.rebuild(&x, &keys, 3, 0.01, (&walls, 0.2), 1);
+        assert_eq!(lists.blocks[0].walls, [[0, 0], [0, 1], [1, 0]]);
+    }
+
+    #[test]
+    fn a_table_for_many_particles_that_are_far_apart_does_not_overflow() {
+        // The product of its three sizes is beyond 64 bits from about a million particles on.
+        let x: Vec<Vec3> =
+            (0..1_100_000).map(|k| Vec3::repeat(if k % 2 == 0 { 0.0 } else { 1e12 })).collect();
+        assert!(Cells::new(&x, 0.3).start.len() <= 2 * x.len() + 65);
+    }
+
+    /// Clouds: spread evenly, in clumps, on a lattice of half the reach where distances are equal to it, in one point,
+    /// and with coordinates of any size.
+    fn any_cloud() -> impl Strategy<Value = Vec<Vec3>> {
+        let component = prop_oneof![
+            4 => -1.0..1.0f64,
+            2 => (-4i32..4).prop_map(|k| 0.15 * f64::from(k)),
+            1 => (-4i32..4, -1e-9..1e-9f64).prop_map(|(k, shift)| 0.3 * f64::from(k) + shift),
+            1 => prop_oneof![Just(0.0), Just(5e-324), Just(1e6), Just(-1e300), Just(f64::MAX)],
+        ];
+        let point = proptest::collection::vec(component, 3).prop_map(|v| Vec3::new(v[0], v[1], v[2]));
+        let sizes = proptest::collection::vec(prop_oneof![Just(1.0), Just(0.0), Just(0.2), Just(4.0)], 3);
+        let points = proptest::collection::vec(point, 1..90);
+        // Where one is far away the table is of another shape, so most clouds have none.
+        (sizes, points, prop_oneof![3 => Just(false), 1 => Just(true)]).prop_map(|(sizes, points, far)| {
+            let place = |size: f64, x: f64| {
+                if x.abs() <= 2.0 {
+                    size * x
+                } else if far {
+                    x
+                } else {
+                    0.1
+                }
+            };
+            points.into_iter().map(|x| Vec3::from_fn(|axis, _| place(sizes[axis], x[axis]))).collect()
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+
+        #[test]
+        fn lists_of_any_cloud_hold_the_pairs_that_brute_force_finds(
+            x in any_cloud(),
+            share in 0.0..1.0f64,
+            blocks in 1usize..6,
+            sizes in proptest::array::uniform3(0.1..10.0f64),
+        ) {
+            let (reach, n) = (0.3, x.len());
+            let owned = (share * (n + 1) as f64) as usize;
+            let order = Order::new(sizes, reach);
+            let mut all: Vec<_> = x.into_iter().zip(0u64..).map(|(x, id)| (order.key(&x, id), x)).collect();
+            all[..owned].sort_unstable_by_key(|(key, _)| *key);
+            let (x, keys): (Vec<_>, Vec<_>) = all.into_iter().map(|(key, x)| (x, key)).unzip();
+            let (_, found) = listed(&x, &keys, owned, reach, blocks);
+            // A pair at the very reach may lie two cells apart by rounding, and is a skin away from mattering.
+            let within = brute_force(&x, &keys, owned, reach * (1.0 - 1e-9));
+            let not_beyond = brute_force(&x, &keys, owned, reach);
+            prop_assert!(found.is_superset(&within), "missing: {:?}", within.difference(&found));
+            prop_assert!(found.is_subset(&not_beyond), "too many: {:?}", found.difference(&not_beyond));
+        }
+    }
+}

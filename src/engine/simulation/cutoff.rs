@@ -1,0 +1,100 @@
+//! Up to which gap the stabilised method evaluates contacts: to `contact.interaction_distance`, or to where their force is
+//! less than the tolerance can see. It works where spheres are in touch and steps are short. The others take the flight and
+//! the first contacts, where weak forces act for long, and where a contact must be felt before it comes, so that steps
+//! shorten in time: they evaluate all.
+
+use super::tightening;
+use crate::model::effects::{Effects, Variant};
+use crate::ode::{MethodName, NormName};
+use crate::scene::{DEFAULT_TOLERANCE, Scene};
+
+/// A contact is left out where the acceleration it gives is less than this share of the tolerance, in units of the square of
+/// the velocity scale over the radius. At the default tolerance that is a four-thousandth of a sphere's weight: positions of
+/// a bed are then as accurate as with all contacts, within the spread over starts (docs/design.md).
+const UNSEEN: f64 = 2.5e-3;
+
+/// The force of contacts that are left out is less than this share of F_0 in any case.
+const MOST: f64 = 1e-3;
+
+/// Contacts with a repulsion F below this (N) are left out by the stabilised method: `solver.neglected_force`; else what the
+/// tolerance in the scaled norm cannot see, for velocities compared with `scale` (m/s), and nothing in the paper's norm.
+/// 0 where the stabilised method never works.
+pub fn neglected_force(scene: &Scene, scale: f64) -> f64 {
+    let solver = &scene.solver;
+    let stabilised = match solver.method {
+        MethodName::Chebyshev => true,
+        MethodName::Auto => {
+            let effects = Effects::of(scene);
+            // Without any loss `auto` stays with one method.
+            effects.dissipative || effects.variant != Variant::Basic
+        }
+        _ => false,
+    };
+    if !stabilised {
+        return 0.0;
+    }
+    let unseen = || {
+        if solver.norm == NormName::Paper {
+            return 0.0;
+        }
+        let tolerance = solver.tolerance.unwrap_or(DEFAULT_TOLERANCE) * tightening(scene);
+        let force = UNSEEN * tolerance * scene.particles.mass * scale * scale / scene.particles.radius;
+        force.min(MOST * scene.contact.repulsion_at_contact)
+    };
+    solver.neglected_force.unwrap_or_else(unseen)
+}
+
+/// Largest gap at which contacts are evaluated, m; `scale` as for [`neglected_force`].
+pub fn reach(scene: &Scene, scale: f64) -> f64 {
+    let contact = &scene.contact;
+    // Without a force to neglect the logarithm is infinite.
+    let gap =
+        (contact.repulsion_at_contact / neglected_force(scene, scale)).ln() / contact.stiffness_exponent;
+    gap.min(contact.interaction_distance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(sets: &[&str]) -> Scene {
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        Scene::parse("bed.toml", include_str!("../../../configs/bed.toml"), &sets).unwrap()
+    }
+
+    #[test]
+    fn a_tighter_tolerance_sees_weaker_forces() {
+        let scale = (9.81f64 * 0.1).sqrt();
+        let bed = scene(&[]);
+        assert!((neglected_force(&bed, scale) - 2.4525e-3).abs() < 1e-16);
+        assert!((reach(&bed, scale) - (10.0f64 / 2.4525e-3).ln() / 150.0).abs() < 1e-15);
+        let tight = scene(&["solver.tolerance=1e-3"]);
+        assert!((neglected_force(&tight, scale) - 2.4525e-5).abs() < 1e-18);
+        // Where the force at the interaction distance is seen, that distance holds.
+        assert_eq!(reach(&scene(&["solver.tolerance=1e-6"]), scale), 0.1);
+        // However loose, contacts begin long before surfaces touch.
+        assert_eq!(neglected_force(&scene(&["solver.tolerance=1e3"]), scale), 10.0 * MOST);
+    }
+
+    #[test]
+    fn what_the_stabilised_method_does_not_take_leaves_nothing_out() {
+        for sets in [
+            &["solver.norm=\"paper\""][..],
+            &["solver.method=\"merson\""],
+            &["solver.method=\"dormand-prince\"", "solver.neglected_force=1"],
+            &["solver.method=\"velocity-verlet\"", "solver.step=1e-5"],
+            &["contact.restitution=1", "friction.coefficient=0"],
+            &["solver.neglected_force=0"],
+        ] {
+            assert_eq!(neglected_force(&scene(sets), 1.0), 0.0);
+            assert_eq!(reach(&scene(sets), 1.0), 0.1);
+        }
+    }
+
+    #[test]
+    fn a_force_of_the_scene_decides() {
+        let own = scene(&["solver.neglected_force=0.5"]);
+        assert_eq!(neglected_force(&own, 1.0), 0.5);
+        assert!((reach(&own, 1.0) - 20.0f64.ln() / 150.0).abs() < 1e-15);
+    }
+}

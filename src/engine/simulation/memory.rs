@@ -1,0 +1,158 @@
+//! What the next step depends on, beside the scene: with it a run goes on, in another process and on any number of ranks,
+//! to the same bits as if it had never stopped.
+//!
+//! A run is remembered as it was before the last trial step that stood: the one thing that a step which stands does not
+//! change. Taking up a memory repeats that step, and so brings back its frames too, wherever the run was stopped.
+
+use super::{Counts, Simulation, error_control, rest_detector};
+use crate::domain::{Comm, rows};
+use crate::engine::dynamics::{Dynamics, Extremes};
+use crate::error::Error;
+use crate::math::vector::Vec3;
+use crate::model::contact::{Law, Rebound, Tangential};
+use crate::model::particle::{Motion, Spin};
+use crate::ode::{Anchor, Limit, Losses, integrator};
+use crate::scene::Scene;
+use serde::{Deserialize, Serialize};
+
+/// What the next step depends on beside the particles; the same on every rank.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Memory {
+    /// Time of the last accepted state, s.
+    pub t: f64,
+    /// Frames before this one are complete.
+    pub frame: u64,
+    /// Work up to there. Of pairs, while the run goes on: those of this rank.
+    pub counts: Counts,
+    /// Whether the slope at the accepted state is known, and belongs to the particles.
+    pub slope_known: bool,
+    /// Whether the stiffest direction is known, and belongs to the particles.
+    pub direction_known: bool,
+    pub(super) h: f64,
+    pub(super) limit: Limit,
+    pub(super) last: f64,
+    pub(super) losses: Losses,
+    pub(super) dissipated: Losses,
+    pub(super) forced_in_a_row: u64,
+    pub(super) error_before: Option<f64>,
+    pub(super) rejected: bool,
+    pub(super) integrator: integrator::Memory,
+    pub(super) extremes: Extremes,
+    pub(super) watched: rest_detector::Watched,
+    pub(super) largest_overlap: f64,
+}
+
+/// A run to remember: its memory and this rank's particles, in no order that matters.
+#[derive(Debug)]
+pub struct Snapshot<'a, W> {
+    /// All but the particles.
+    pub memory: Memory,
+    /// Particles on all ranks.
+    pub count: u64,
+    /// Ids of the owned particles.
+    pub ids: &'a [u64],
+    /// Last accepted state.
+    pub state: &'a [Motion<W>],
+    /// Where the particles were when the neighbour lists were built, m: lists that are built there again have the same
+    /// order of sums.
+    pub origin: &'a [Vec3],
+    /// Slope at that state; empty unless known.
+    pub slope: &'a [Motion<W>],
+    /// The stiffest direction; empty unless known.
+    pub direction: &'a [Motion<W>],
+}
+
+/// A run to take up: the memory, and a block of the particles by id.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Remembered<W> {
+    /// All but the particles.
+    pub memory: Memory,
+    /// Last accepted state.
+    pub state: Vec<Motion<W>>,
+    /// Where the particles were when the neighbour lists were built, m.
+    pub origin: Vec<Vec3>,
+    /// Slope at that state; empty unless known.
+    pub slope: Vec<Motion<W>>,
+    /// The stiffest direction; empty unless known.
+    pub direction: Vec<Motion<W>>,
+}
+
+impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
+    /// Takes up a run of `count` particles of the scene, whose velocities are compared with `scale` (m/s), under `law`.
+    /// `remembered` holds the particles of this rank's block of ids. Collective.
+    pub fn resume(
+        scene: &Scene,
+        law: Law<R, T>,
+        comm: &'c dyn Comm,
+        count: u64,
+        scale: f64,
+        remembered: Remembered<W>,
+    ) -> Result<Self, Error> {
+        let Remembered { memory, mut state, origin, mut slope, mut direction } = remembered;
+        let at = |x: &Vec3| Motion { x: *x, v: Vec3::zeros(), omega: W::zero() };
+        let mut places: Vec<Motion<W>> = origin.iter().map(at).collect();
+        let known = [true, memory.slope_known, memory.direction_known];
+        let lists = [&mut state, &mut slope, &mut direction].into_iter().zip(known);
+        let mut companions: Vec<_> = lists.filter_map(|(list, known)| known.then_some(list)).collect();
+        let ids = rows::block(count, comm.rank(), comm.size()).collect();
+        let setting = super::setting(scene);
+        let mut dynamics = Dynamics::new(comm, law, setting, scale, ids, &mut places, &mut companions)?;
+        dynamics.go_on_from(memory.counts.rebuilds, memory.counts.pairs);
+        dynamics.commit(memory.extremes);
+        if scene.output.energy {
+            dynamics.audit();
+        }
+        let (norm, mut control) = error_control(scene, scale);
+        (control.before, control.rejected) = (memory.error_before, memory.rejected);
+        let mut simulation = Simulation {
+            h: memory.h,
+            limit: memory.limit,
+            last: memory.last,
+            counts: memory.counts,
+            dissipated: memory.dissipated,
+            forced_in_a_row: memory.forced_in_a_row,
+            largest_overlap: memory.largest_overlap,
+            frame: memory.frame,
+            watched: memory.watched,
+            saved: memory.t,
+            memory: None,
+            ..Simulation::at_rest(scene, comm, dynamics, norm, control, scale)
+        };
+        simulation.integrator.recall(&memory.integrator);
+        simulation.choose_reach();
+        simulation.anchor = Anchor {
+            t: memory.t,
+            y: state,
+            slope,
+            slope_known: memory.slope_known,
+            losses: memory.losses,
+            direction,
+            direction_known: memory.direction_known,
+        };
+        Ok(simulation)
+    }
+
+    /// Keeps in mind what the trial depends on that is about to be made.
+    pub(super) fn remember(&mut self) {
+        let (anchor, control, dynamics) = (&self.anchor, &self.control, &self.dynamics);
+        self.memory = Some(Memory {
+            t: anchor.t,
+            frame: self.frame,
+            counts: Counts { pairs: dynamics.own_pairs(), rebuilds: dynamics.rebuilds(), ..self.counts },
+            slope_known: anchor.slope_known,
+            direction_known: anchor.direction_known,
+            h: self.h,
+            limit: self.limit,
+            last: self.last,
+            losses: anchor.losses,
+            dissipated: self.dissipated,
+            forced_in_a_row: self.forced_in_a_row,
+            error_before: control.before,
+            rejected: control.rejected,
+            integrator: self.integrator.memory(),
+            extremes: dynamics.extremes(),
+            watched: self.watched,
+            largest_overlap: self.largest_overlap,
+        });
+    }
+}

@@ -1,0 +1,613 @@
+//! The driver: takes steps until the end of the scene, and frames on the way.
+
+use crate::domain::Comm;
+use crate::domain::rows::{self, ById};
+use crate::engine::dynamics::{Clocks, Dynamics};
+use crate::engine::forces::Setting;
+use crate::error::{Error, StopRequest};
+use crate::math::larger;
+use crate::math::vector::Vec3;
+use crate::model::contact::{Elastic, Frictionless, Law, Rebound, Tangential};
+use crate::model::effects::{Effects, Variant};
+use crate::model::particle::{Locked, Motion, Spin, Spinning};
+use crate::ode::integrator::{AutoPlan, Integrator};
+use crate::ode::{
+    Anchor, DORMAND_PRINCE, Ivp, Limit, Linear, Losses, MERSON, MethodName, Norm, NormName, StepControl,
+    StepRule, Trial, Verdict, Weights,
+};
+use crate::scene::initial_condition::{self, InitialCondition};
+use crate::scene::{Scene, Stop, effects};
+pub use cutoff::{neglected_force, reach};
+pub use frame_summary::FrameSummary;
+pub use memory::{Memory, Remembered, Snapshot};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+mod failure;
+
+mod cutoff;
+mod frame_summary;
+mod memory;
+mod observer;
+mod rest_detector;
+mod rounding;
+
+/// Forced accepts in a row that end a run.
+const FORCED_IN_A_ROW: u64 = 1000;
+/// Accepted steps after which forced accepts may not exceed one in a hundred.
+const FORCED_GRACE: u64 = 100_000;
+
+/// Work done so far, the same on every rank and for every number of ranks.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Counts {
+    /// Steps that stand.
+    pub accepted: u64,
+    /// Steps whose error was too large.
+    pub rejected: u64,
+    /// Trials that left the neighbour lists or moved a particle too far.
+    pub outrun: u64,
+    /// Steps accepted at the minimum although their error was too large.
+    pub forced: u64,
+    /// Collective right-hand sides, those of rejected trials and of frames included.
+    pub rhs: u64,
+    /// Pairs within l_max whose force was evaluated.
+    pub pairs: u64,
+    /// Times the neighbour lists were built.
+    pub rebuilds: u64,
+    /// Accepted steps by what decided their size, in the order of `Limit::ALL`.
+    pub limits: [u64; Limit::ALL.len()],
+}
+
+/// The state of the system at one time, as the output and the progress line want it.
+#[derive(Debug)]
+pub struct Frame<'a, W> {
+    /// Time, s.
+    pub time: f64,
+    /// Size of the last accepted step, s.
+    pub step: f64,
+    /// Work so far.
+    pub counts: Counts,
+    /// Kinetic energy, J.
+    pub kinetic_energy: f64,
+    /// Potential energy of contacts and height, J.
+    pub potential_energy: f64,
+    /// Largest overlap, m.
+    pub largest_overlap: f64,
+    /// Highest point of any sphere, m.
+    pub bed_height: f64,
+    /// Energy dissipated so far by rebound and by friction, J; zero unless `output.energy` asks for it.
+    pub dissipated: Losses,
+    /// Time in the parts of the work on this rank so far.
+    pub clocks: Clocks,
+    /// Wall time in the frames before this one on this rank, s.
+    pub output_seconds: f64,
+    /// First id of `rows`.
+    pub first: u64,
+    /// This rank's block of the particles, by id.
+    pub rows: &'a ById<'a, W>,
+}
+
+/// Receives the frames of a run.
+pub trait Observer<W> {
+    /// A frame is due. Collective.
+    fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error>;
+    /// The run should be remembered: from there it can be taken up again. Collective.
+    fn checkpoint(&mut self, _snapshot: &Snapshot<W>) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+impl<W, F: FnMut(&Frame<W>) -> Result<(), Error>> Observer<W> for F {
+    fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error> {
+        self(frame)
+    }
+}
+
+/// How a run went.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Time that was reached, s.
+    pub time: f64,
+    /// What stopped the run before its end, if anything did.
+    pub stopped: Option<StopRequest>,
+    /// The key of `[stop]` by which the particles are at rest, if that ended the run.
+    pub at_rest_by: Option<&'static str>,
+    /// Work done.
+    pub counts: Counts,
+    /// Pairs evaluated by this rank, those with the earlier particle here.
+    pub own_pairs: u64,
+    /// Time in the parts of the work on this rank.
+    pub clocks: Clocks,
+    /// Wall time in frames on this rank: measures and output, s.
+    pub output_seconds: f64,
+    /// Wall time of the run, s.
+    pub seconds: f64,
+    /// Largest overlap of any frame, m.
+    pub largest_overlap: f64,
+    /// The method that took the steps and, of `auto`, why.
+    pub choice: String,
+    /// Largest gap at which the stabilised method evaluates contacts, m.
+    pub reach: f64,
+    /// Memory of the solver on this rank, bytes.
+    pub bytes: usize,
+    /// Ghosts of this rank at the end.
+    pub ghosts: usize,
+}
+
+/// Work that can be done with the kernel of any scene's effects.
+pub trait Task {
+    /// What it gives.
+    type Output;
+    /// Does it with the scene's contact law and the state `Motion<W>`.
+    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Self::Output;
+}
+
+/// The one place where effects become types: the paper's three variants, with or without loss on rebound.
+pub fn dispatch<K: Task>(scene: &Scene, task: K) -> K::Output {
+    let effects = Effects::of(scene);
+    if effects.dissipative {
+        with_rebound(scene, effects.variant, effects::dissipative(scene), task)
+    } else {
+        with_rebound(scene, effects.variant, effects::elastic(scene), task)
+    }
+}
+
+fn with_rebound<R: Rebound, K: Task>(scene: &Scene, variant: Variant, rebound: R, task: K) -> K::Output {
+    let (coulomb, frictionless) = (effects::coulomb(scene), effects::frictionless(scene));
+    match variant {
+        Variant::Basic => task.with::<_, _, Locked>(effects::law(scene, rebound, frictionless)),
+        Variant::Friction => task.with::<_, _, Locked>(effects::law(scene, rebound, coulomb)),
+        Variant::FrictionRotation => task.with::<_, _, Spinning>(effects::law(scene, rebound, coulomb)),
+    }
+}
+
+/// A scene in motion.
+pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
+    comm: &'c dyn Comm,
+    dynamics: Dynamics<'c, R, T, W>,
+    integrator: Integrator<'c, Dynamics<'c, R, T, W>>,
+    control: StepControl,
+    /// The scene's own, which `auto` may have tightened.
+    tolerance: f64,
+    /// Largest gap at which the stabilised method evaluates contacts, m.
+    reach: f64,
+    norm: Norm,
+    /// The last accepted state of the owned particles and what belongs to it.
+    anchor: Anchor<Motion<W>>,
+    trial: Trial<Motion<W>>,
+    /// Proposal for the next step, s, and what decided it.
+    h: f64,
+    limit: Limit,
+    /// Size of the last accepted step, s.
+    last: f64,
+    counts: Counts,
+    /// Energy dissipated up to the last accepted state, J.
+    dissipated: Losses,
+    forced_in_a_row: u64,
+    t_end: f64,
+    interval: f64,
+    /// The next frame.
+    frame: u64,
+    /// Largest overlap of any frame, m.
+    largest_overlap: f64,
+    /// Wall time in frames and checkpoints, s.
+    output_seconds: f64,
+    /// When the particles are at rest, and what was seen of them so far.
+    stop: Option<Stop>,
+    watched: rest_detector::Watched,
+    /// Whether a step has been accepted in this process.
+    moved_on: bool,
+    /// The run as it was before the last trial.
+    memory: Option<Memory>,
+    /// Simulated time between checkpoints, s; infinite if only others ask for them.
+    checkpoint_interval: f64,
+    /// Whether the end is a checkpoint too.
+    checkpoints: bool,
+    /// Time of the last checkpoint, or of the start, s.
+    saved: f64,
+    started: Instant,
+}
+
+/// A trial step that stands.
+#[derive(Debug, Clone, Copy)]
+struct Step {
+    /// Size, s.
+    h: f64,
+    /// It stands only because it could not be smaller.
+    forced: bool,
+    /// What decided its size.
+    limit: Limit,
+}
+
+impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
+    /// Puts the particles of `start` (all of them, on every rank) in motion under `law`. Collective.
+    pub fn new(
+        scene: &Scene,
+        start: &InitialCondition,
+        law: Law<R, T>,
+        comm: &'c dyn Comm,
+    ) -> Result<Self, Error> {
+        Self::with_setting(scene, start, law, setting(scene), comm)
+    }
+
+    /// `new` with a setting of one's own.
+    pub fn with_setting(
+        scene: &Scene,
+        start: &InitialCondition,
+        law: Law<R, T>,
+        setting: Setting,
+        comm: &'c dyn Comm,
+    ) -> Result<Self, Error> {
+        let own = rows::block(start.x.len() as u64, comm.rank(), comm.size());
+        let body = |i: u64| {
+            let i = i as usize;
+            let omega = W::from_vector(Vec3::from(start.omega[i]));
+            Motion { x: start.x[i].into(), v: start.v[i].into(), omega }
+        };
+        let mut y: Vec<Motion<W>> = own.clone().map(body).collect();
+        let scale = initial_condition::velocity_scale(scene, start);
+        let mut dynamics = Dynamics::new(comm, law, setting, scale, own.collect(), &mut y, &mut [])?;
+        if scene.output.energy {
+            dynamics.audit();
+        }
+        let mut anchor = Anchor::new(0.0, y);
+        dynamics.begin();
+        let rhs = anchor.find_slope(&mut dynamics);
+        let (norm, control) = error_control(scene, scale);
+        let mut simulation = Simulation {
+            anchor,
+            counts: Counts { rhs, ..Counts::default() },
+            ..Simulation::at_rest(scene, comm, dynamics, norm, control, scale)
+        };
+        // A start that cannot be continued is told before any output is created.
+        if simulation.start_is_broken() {
+            return Err(simulation.unbearable_start());
+        }
+        if simulation.control.rule == StepRule::ProportionalIntegral {
+            simulation.check_rounding(tightening(scene))?;
+            simulation.find_first_step();
+        }
+        Ok(simulation)
+    }
+
+    /// A run in which nothing has happened, of no particles.
+    fn at_rest(
+        scene: &Scene,
+        comm: &'c dyn Comm,
+        dynamics: Dynamics<'c, R, T, W>,
+        norm: Norm,
+        control: StepControl,
+        scale: f64,
+    ) -> Self {
+        let checkpoint = scene.checkpoint.as_ref();
+        Simulation {
+            comm,
+            dynamics,
+            integrator: Integrator::new(scene.solver.method, auto_plan(scene)),
+            tolerance: control.tolerance / tightening(scene),
+            reach: reach(scene, scale),
+            norm,
+            anchor: Anchor::new(0.0, Vec::new()),
+            trial: Trial::default(),
+            h: control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step)),
+            limit: Limit::First,
+            control,
+            last: 0.0,
+            counts: Counts::default(),
+            dissipated: [0.0; 2],
+            forced_in_a_row: 0,
+            t_end: scene.t_end,
+            interval: scene.output.interval.unwrap_or(scene.t_end / 100.0),
+            frame: 0,
+            largest_overlap: 0.0,
+            output_seconds: 0.0,
+            stop: scene.stop.clone(),
+            watched: rest_detector::Watched::default(),
+            moved_on: false,
+            memory: None,
+            checkpoint_interval: checkpoint.and_then(|keys| keys.interval).unwrap_or(f64::INFINITY),
+            checkpoints: checkpoint.is_some(),
+            saved: 0.0,
+            started: Instant::now(),
+        }
+    }
+
+    /// The equations of motion.
+    pub fn dynamics(&self) -> &Dynamics<'c, R, T, W> {
+        &self.dynamics
+    }
+
+    /// The equations of motion, to evaluate them at will.
+    pub fn dynamics_mut(&mut self) -> &mut Dynamics<'c, R, T, W> {
+        &mut self.dynamics
+    }
+
+    /// From now on asks `outside`, on every rank once a trial step, what it wishes.
+    pub fn heed(&mut self, outside: &'c dyn Fn() -> StopRequest) {
+        self.dynamics.heed(outside);
+    }
+
+    /// Last accepted state of the owned particles, by id.
+    pub fn state(&self) -> &[Motion<W>] {
+        &self.anchor.y
+    }
+
+    /// Runs to the end of the scene, or until the world outside stops it, and hands every frame to `observer`.
+    /// Collective.
+    pub fn run(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
+        if self.frame == 0 {
+            let first = std::mem::take(&mut self.anchor.y);
+            self.show(0.0, &first, [0.0; 2], observer)?;
+            self.anchor.y = first;
+            self.frame = 1;
+        }
+        'steps: loop {
+            let step = self.find_step()?;
+            if self.save_if_asked(observer)? {
+                return Ok(self.outcome());
+            }
+            let reached = self.anchor.t + step.h;
+            let extremes = self.dynamics.candidate();
+            while self.frame_time(self.frame) < reached {
+                let due = self.frame_time(self.frame);
+                let share = (due - self.anchor.t) / step.h;
+                let Some((state, lost)) = self.frame_inside(share, step.h) else {
+                    // Rare: the same step again, with fresh lists.
+                    self.dynamics.rebuild(&mut self.anchor)?;
+                    (self.h, self.limit) = (step.h, step.limit);
+                    continue 'steps;
+                };
+                let dissipated = [0, 1].map(|k| self.dissipated[k] + lost[k]);
+                if due >= self.t_end {
+                    self.count(Step { h: share * step.h, limit: Limit::End, ..step })?;
+                }
+                self.show(due, &state, dissipated, observer)?;
+                if due >= self.t_end {
+                    return self.end(observer);
+                }
+                self.frame += 1;
+            }
+            self.count(step)?;
+            let shown = self.frame_time(self.frame) <= reached;
+            if shown {
+                self.show_result(reached, observer)?;
+                if reached >= self.t_end {
+                    return self.end(observer);
+                }
+                self.frame += 1;
+            }
+            if let Some(by) = self.at_rest_by(reached) {
+                if !shown {
+                    self.show_result(reached, observer)?;
+                }
+                let outcome = self.end(observer)?;
+                return Ok(Outcome { time: reached, at_rest_by: Some(by), ..outcome });
+            }
+            self.accept(reached, step.limit);
+            self.dynamics.commit(extremes);
+        }
+    }
+
+    /// The run is at the end of the scene. Collective.
+    fn end(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
+        if self.checkpoints {
+            self.save(observer)?;
+        }
+        Ok(Outcome { time: self.t_end, stopped: None, ..self.outcome() })
+    }
+
+    /// Time of frame `k`: k times the interval, and the end of the scene, s.
+    fn frame_time(&self, k: u64) -> f64 {
+        let t = k as f64 * self.interval;
+        if t < self.t_end - 1e-9 * self.interval { t } else { self.t_end }
+    }
+
+    /// A first step at which an Euler step would change the slope by about as much as the state (E. Hairer, S. P. Norsett,
+    /// G. Wanner, Solving ODEs I, II.4), at most the scene's `initial_step`. Collective.
+    fn find_first_step(&mut self) {
+        let weights = self.norm.weights;
+        let mut slope = [self.anchor.slope.iter().map(|f| f.magnitude(&weights)).fold(0.0, larger)];
+        self.comm.max(&mut slope);
+        // One hundredth of what the scales are: a radius, a velocity scale.
+        let guess = 0.01 / slope[0];
+        if guess < self.h {
+            self.h = self.control.clamp(guess);
+        }
+    }
+
+    /// Tries steps from the last accepted state until one can stand; its result is in `trial`. Collective.
+    fn find_step(&mut self) -> Result<Step, Error> {
+        loop {
+            self.counts.rhs += self.integrator.prepare(&mut self.dynamics, &mut self.anchor, &mut self.trial);
+            if self.choose_reach() {
+                self.anchor.slope_known = false;
+            }
+            let (mut h, mut limit) = (self.h, self.limit);
+            let stable = self.integrator.stable_step();
+            let mut cut = |most: f64, by: Limit| {
+                if most < h {
+                    (h, limit) = (most, by);
+                }
+            };
+            cut(stable, Limit::Stability);
+            cut(self.dynamics.step_limit(), Limit::Travel);
+            let h = self.control.clamp(h);
+            if self.dynamics.will_outrun(h) {
+                self.dynamics.rebuild(&mut self.anchor)?;
+            }
+            self.remember();
+            let verdict = self.attempt(h);
+            if !verdict.covered && !self.dynamics.lists_are_fresh() {
+                // Stale lists say nothing about the step: the same again with fresh ones.
+                self.counts.outrun += 1;
+                self.dynamics.rebuild(&mut self.anchor)?;
+                (self.h, self.limit) = (h, limit);
+                continue;
+            }
+            if !verdict.within_travel || !verdict.covered {
+                self.counts.outrun += 1;
+                self.fail_if_impossible(h, verdict)?;
+                (self.h, self.limit) = (self.control.clamp(0.5 * h), Limit::Travel);
+                continue;
+            }
+            let decision = self.control.judge(h, verdict.error, self.integrator.error_order());
+            (self.h, self.limit) = (decision.next, decision.limit);
+            if decision.accept {
+                if self.anchor.t + h == self.anchor.t {
+                    return Err(self.no_step(h));
+                }
+                return Ok(Step { h, forced: decision.forced, limit });
+            }
+            self.counts.rejected += 1;
+            self.integrator.rejected();
+            if verdict.error == f64::INFINITY {
+                self.fail_if_impossible(h, verdict)?;
+            }
+        }
+    }
+
+    /// Evaluates contacts up to the gap that suits the method at work; returns whether that changes the slopes.
+    fn choose_reach(&mut self) -> bool {
+        let stabilised = self.integrator.is_stabilised();
+        self.dynamics.evaluate_within(if stabilised { self.reach } else { f64::INFINITY })
+    }
+
+    /// One trial step from the last accepted state. Collective.
+    fn attempt(&mut self, h: f64) -> Verdict {
+        let verdict =
+            self.integrator.attempt(&mut self.dynamics, &mut self.anchor, h, &self.norm, &mut self.trial);
+        self.counts.rhs += self.trial.evaluations;
+        verdict
+    }
+
+    /// The state at a `share` of the accepted step `h` (s), and the energy lost on the way there, J: from inside the step
+    /// if the method knows, else by a step of its own from the last accepted state. None if the lists are too old for
+    /// that. Collective.
+    fn frame_inside(&mut self, share: f64, h: f64) -> Option<(Vec<Motion<W>>, Losses)> {
+        if self.integrator.has_inside() {
+            let state = self.integrator.inside(share, h, &self.anchor, &self.trial)?;
+            let (start, end) = (self.anchor.losses, self.trial.losses);
+            let lost = [0, 1].map(|k| {
+                let rest = 1.0 - share;
+                share * share * (1.0 + 2.0 * rest) * self.trial.lost[k]
+                    + h * share * rest * (rest * start[k] - share * end[k])
+            });
+            return Some((state, lost));
+        }
+        let step = (std::mem::take(&mut self.trial.next), self.trial.lost);
+        let verdict = self.attempt(share * h);
+        let (state, lost) = (std::mem::replace(&mut self.trial.next, step.0), self.trial.lost);
+        // The slope at the end of the step was not put aside.
+        (self.trial.lost, self.trial.slope_known) = (step.1, false);
+        if !verdict.covered && !self.dynamics.lists_are_fresh() {
+            return None;
+        }
+        if verdict.covered && verdict.error < f64::INFINITY {
+            return Some((state, lost));
+        }
+        // The frame's stages meet something that those of the step did not, such as two centres that pass through each
+        // other at this very moment: the parabola through the start, its slope and the result of the step is finite.
+        let ends = self.anchor.y.iter().zip(&self.anchor.slope).zip(&self.trial.next);
+        let state = ends.map(|((y, slope), result)| {
+            let mut bend = *result;
+            bend.add_scaled(-1.0, y);
+            bend.add_scaled(-h, slope);
+            let mut state = *y;
+            state.add_scaled(share * h, slope);
+            state.add_scaled(share * share, &bend);
+            state
+        });
+        Some((state.collect(), self.trial.lost.map(|lost| share * lost)))
+    }
+
+    /// The trial stands and ends at time `t` (s); `limit` decided its size.
+    fn accept(&mut self, t: f64, limit: Limit) {
+        let (anchor, trial) = (&mut self.anchor, &mut self.trial);
+        std::mem::swap(&mut anchor.y, &mut trial.next);
+        std::mem::swap(&mut anchor.slope, &mut trial.slope);
+        (anchor.t, anchor.slope_known, anchor.losses) = (t, trial.slope_known, trial.losses);
+        self.moved_on = true;
+        crate::ode::add_losses(&mut self.dissipated, 1.0, &trial.lost);
+        self.integrator.accepted(self.last, limit);
+    }
+
+    /// Counts a step that stands, and ends the run when those that stand only because they are the smallest prevail.
+    /// Collective.
+    fn count(&mut self, Step { h, forced, limit }: Step) -> Result<(), Error> {
+        self.last = h;
+        self.counts.accepted += 1;
+        self.counts.forced += u64::from(forced);
+        let index = Limit::ALL.iter().position(|&other| other == limit);
+        self.counts.limits[index.expect("all limits are listed")] += 1;
+        self.forced_in_a_row = if forced { self.forced_in_a_row + 1 } else { 0 };
+        let accepted = self.counts.accepted;
+        let prevail = accepted > FORCED_GRACE && self.counts.forced * 100 > accepted;
+        if forced && (self.forced_in_a_row >= FORCED_IN_A_ROW || prevail) {
+            return Err(Error::BelowRoundOff {
+                tolerance: self.tolerance,
+                forced: self.counts.forced,
+                accepted,
+                t: self.anchor.t,
+                h,
+                min_step: self.control.min_step,
+                i: self.limiting_particle(h),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// What acts on the particles beside their contacts.
+fn setting(scene: &Scene) -> Setting {
+    let r = scene.particles.radius;
+    Setting {
+        mass: scene.particles.mass,
+        inverse_inertia: 1.0 / (0.4 * scene.particles.mass * r * r),
+        gravity: scene.gravity.into(),
+        walls: crate::scene::walls::walls(&scene.container),
+    }
+}
+
+/// How errors are measured and steps sized, for velocities compared with `scale` (m/s).
+fn error_control(scene: &Scene, scale: f64) -> (Norm, StepControl) {
+    let (solver, r) = (&scene.solver, scene.particles.radius);
+    let paper = solver.norm == NormName::Paper;
+    let scaled = Weights { x: 1.0 / r, v: 1.0 / scale, omega: r / scale };
+    let norm = Norm { weights: if paper { Weights::MIXED } else { scaled }, rate: paper };
+    let control = match solver.step {
+        Some(step) => StepControl::new(StepRule::Fixed, 1.0, step, step),
+        None => {
+            let rule = if paper { StepRule::Published } else { StepRule::ProportionalIntegral };
+            let tolerance = solver.tolerance.unwrap_or(crate::scene::DEFAULT_TOLERANCE) * tightening(scene);
+            StepControl::new(rule, tolerance, solver.min_step, solver.max_step)
+        }
+    };
+    (norm, control)
+}
+
+/// State vectors that the methods of the scene need at most.
+pub fn state_vectors(scene: &Scene) -> usize {
+    /// What a method needs does not depend on the problem.
+    type Problem = Dynamics<'static, Elastic, Frictionless, Locked>;
+    Integrator::<Problem>::new(scene.solver.method, auto_plan(scene)).vectors()
+}
+
+/// How `auto` begins. Friction is stiff and not very smooth: Merson's method is accurate wherever it is stable and takes
+/// the first impacts, whose errors grow most. Without friction the motion is smooth and mostly not stiff: there the
+/// method of Dormand and Prince is cheaper. Either gives way to the stabilised method where that one takes less work.
+fn auto_plan(scene: &Scene) -> AutoPlan {
+    let Effects { variant, dissipative } = Effects::of(scene);
+    if variant == Variant::Basic {
+        let reason = "without friction the motion is smooth";
+        AutoPlan { explicit: &DORMAND_PRINCE, reason, is_damped: dissipative }
+    } else {
+        AutoPlan { explicit: &MERSON, reason: "friction is not very smooth", is_damped: true }
+    }
+}
+
+/// By how much `auto` tightens the tolerance where the motion is smooth: there two more digits cost about twice the work,
+/// and without damping errors grow.
+pub fn tightening(scene: &Scene) -> f64 {
+    let smooth = Effects::of(scene).variant == Variant::Basic;
+    if smooth && scene.solver.method == MethodName::Auto { 0.01 } else { 1.0 }
+}

@@ -1,0 +1,114 @@
+//! What the observer gets to see of a run: frames, checkpoints, and how it ended.
+
+use super::{Counts, Frame, Observer, Outcome, Simulation, Snapshot};
+use crate::domain::rows::{self, ById};
+use crate::error::{Error, StopRequest};
+use crate::model::contact::{Rebound, Tangential};
+use crate::model::particle::{Motion, Spin};
+use crate::ode::Losses;
+use std::time::Instant;
+
+impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
+    /// Writes a checkpoint where one is due or wished for. Returns whether the run is to stop there. Collective.
+    pub(super) fn save_if_asked(&mut self, observer: &mut dyn Observer<W>) -> Result<bool, Error> {
+        let wish = match self.dynamics.wish() {
+            // A process that stopped before its first step, part after part, would never come to an end.
+            StopRequest::WallLimit | StopRequest::StopFile if !self.moved_on => StopRequest::Nothing,
+            wish => wish,
+        };
+        let passed = |t: f64| (t / self.checkpoint_interval).floor();
+        if wish != StopRequest::Nothing || passed(self.anchor.t) > passed(self.saved) {
+            self.save(observer)?;
+        }
+        Ok(wish.stops())
+    }
+
+    /// Hands the run as it was before the last trial to `observer`. Collective.
+    pub(super) fn save(&mut self, observer: &mut dyn Observer<W>) -> Result<(), Error> {
+        let Some(mut memory) = self.memory else { return Ok(()) };
+        let clock = Instant::now();
+        let (anchor, dynamics) = (&self.anchor, &self.dynamics);
+        memory.counts.pairs = dynamics.total_pairs(memory.counts.pairs);
+        observer.checkpoint(&Snapshot {
+            memory,
+            count: dynamics.count(),
+            ids: dynamics.ids(),
+            state: &anchor.y,
+            origin: dynamics.origin(),
+            slope: if memory.slope_known { &anchor.slope } else { &[] },
+            direction: if memory.direction_known { &anchor.direction } else { &[] },
+        })?;
+        self.saved = anchor.t;
+        self.output_seconds += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Hands the result of the trial, at time `t` (s), to the observer. Collective.
+    pub(super) fn show_result(&mut self, t: f64, observer: &mut dyn Observer<W>) -> Result<(), Error> {
+        let state = std::mem::take(&mut self.trial.next);
+        let dissipated = [0, 1].map(|k| self.dissipated[k] + self.trial.lost[k]);
+        self.show(t, &state, dissipated, observer)?;
+        self.trial.next = state;
+        Ok(())
+    }
+
+    /// Hands the state at time `t` (s) to the observer. Collective.
+    pub(super) fn show(
+        &mut self,
+        t: f64,
+        state: &[Motion<W>],
+        dissipated: Losses,
+        observer: &mut dyn Observer<W>,
+    ) -> Result<(), Error> {
+        let clock = Instant::now();
+        let dynamics = &mut self.dynamics;
+        self.counts.pairs = dynamics.pair_evaluations();
+        self.counts.rebuilds = dynamics.rebuilds();
+        let (potential_energy, largest_overlap) = dynamics.potential_energy(state);
+        let rows = ById::new(self.comm, dynamics.count(), dynamics.ids(), state);
+        let shown = observer.frame(&Frame {
+            time: t,
+            step: self.last,
+            counts: self.counts,
+            kinetic_energy: dynamics.kinetic_energy(state),
+            potential_energy,
+            largest_overlap,
+            bed_height: dynamics.bed_height(state),
+            dissipated,
+            clocks: dynamics.clocks,
+            output_seconds: self.output_seconds,
+            first: rows::block(dynamics.count(), self.comm.rank(), self.comm.size()).start,
+            rows: &rows,
+        });
+        if matches!(shown, Err(Error::Replaced { .. })) {
+            self.save(observer)?;
+        }
+        shown?;
+        self.largest_overlap = self.largest_overlap.max(largest_overlap);
+        self.output_seconds += clock.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    pub(super) fn outcome(&self) -> Outcome {
+        let wish = self.dynamics.wish();
+        Outcome {
+            time: self.anchor.t,
+            stopped: wish.stops().then_some(wish),
+            at_rest_by: None,
+            counts: Counts {
+                pairs: self.dynamics.pair_evaluations(),
+                rebuilds: self.dynamics.rebuilds(),
+                ..self.counts
+            },
+            own_pairs: self.dynamics.own_pairs(),
+            clocks: self.dynamics.clocks,
+            output_seconds: self.output_seconds,
+            seconds: self.started.elapsed().as_secs_f64(),
+            largest_overlap: self.largest_overlap,
+            choice: self.integrator.report(),
+            reach: self.reach,
+            bytes: self.dynamics.bytes() + self.anchor.bytes() + self.trial.bytes(),
+            ghosts: self.dynamics.ghosts(),
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! Whether a bed has come to rest, as `[stop]` of the scene defines it.
+//!
+//! Looked at in states that stand, about ten times a window of simulated time, so that no bit of the motion depends on it: a
+//! criterion is met when it has held in every such state for a whole window.
+
+use super::Simulation;
+use crate::model::contact::{Rebound, Tangential};
+use crate::model::particle::{Motion, Spin};
+use crate::ode::Ivp;
+use crate::scene::Stop;
+use serde::{Deserialize, Serialize};
+
+/// Looks at a bed in a window.
+const LOOKS: f64 = 10.0;
+/// The criteria, by the names of their keys.
+const CRITERIA: [&str; 3] = ["stop.kinetic_energy", "stop.unbalanced_force", "stop.height_change"];
+
+/// What was seen so far.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Watched {
+    /// Time of the next look, s.
+    next: f64,
+    /// Since when each criterion has held, s.
+    since: [Option<f64>; 3],
+    /// Least and largest height since the third one has held, m.
+    heights: [f64; 2],
+}
+
+impl Default for Watched {
+    fn default() -> Self {
+        Watched { next: 0.0, since: [None; 3], heights: [f64::INFINITY, f64::NEG_INFINITY] }
+    }
+}
+
+/// What a bed looks like.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Look {
+    /// Kinetic energy of a particle, J.
+    kinetic_energy: f64,
+    /// Sum of the forces that accelerate particles over that of the forces in contacts and of the weights.
+    unbalanced_force: f64,
+    /// Height of the bed, m.
+    height: f64,
+}
+
+impl Watched {
+    /// Takes `look` at time `t` (s) into account; returns the first criterion that is met.
+    fn see(&mut self, stop: &Stop, t: f64, look: &Look) -> Option<&'static str> {
+        self.next = t + stop.window / LOOKS;
+        let [low, high] = [self.heights[0].min(look.height), self.heights[1].max(look.height)];
+        let steady = stop.height_change.is_some_and(|most| high - low <= most);
+        self.heights = if steady { [low, high] } else { [look.height; 2] };
+        let below = |most: Option<f64>, found: f64| most.is_some_and(|most| found <= most);
+        let holds = [
+            below(stop.kinetic_energy, look.kinetic_energy),
+            below(stop.unbalanced_force, look.unbalanced_force),
+            steady,
+        ];
+        for (since, holds) in self.since.iter_mut().zip(holds) {
+            *since = if holds { since.or(Some(t)) } else { None };
+        }
+        // The range of heights begins anew with the height that broke it.
+        if stop.height_change.is_some() && self.since[2].is_none() {
+            self.since[2] = Some(t);
+        }
+        // A rounding error short of a window is one.
+        let met = |since: &Option<f64>| since.is_some_and(|since| t - since >= stop.window * (1.0 - 1e-9));
+        self.since.iter().position(met).map(|k| CRITERIA[k])
+    }
+}
+
+impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
+    /// The criterion by which the bed is at rest at the end of the trial, time `t` (s), if it is. What is remembered for a
+    /// checkpoint was remembered before: who takes it up looks again. Collective.
+    pub(super) fn at_rest_by(&mut self, t: f64) -> Option<&'static str> {
+        if t < self.watched.next {
+            return None;
+        }
+        let stop = self.stop.clone()?;
+        let state = std::mem::take(&mut self.trial.next);
+        let look = self.look(&stop, t, &state);
+        self.trial.next = state;
+        self.watched.see(&stop, t, &look)
+    }
+
+    /// Looks at the particles; what no criterion needs is not worked out. Collective.
+    fn look(&mut self, stop: &Stop, t: f64, state: &[Motion<W>]) -> Look {
+        let count = self.dynamics.count() as f64;
+        let kinetic_energy = stop.kinetic_energy.map(|_| self.dynamics.kinetic_energy(state) / count);
+        let unbalanced_force = stop.unbalanced_force.map(|_| {
+            // The slope at the end of the trial, if it is known, may be one of older lists, and is needed as it is.
+            let mut slope = vec![crate::ode::Linear::zero(); state.len()];
+            self.dynamics.rhs(t, state, &mut slope);
+            self.counts.rhs += 1;
+            self.dynamics.unbalanced_force(state, &slope)
+        });
+        Look {
+            kinetic_energy: kinetic_energy.unwrap_or(f64::INFINITY),
+            unbalanced_force: unbalanced_force.unwrap_or(f64::INFINITY),
+            height: self.dynamics.bed_height(state),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stop(kinetic_energy: Option<f64>, unbalanced_force: Option<f64>, height_change: Option<f64>) -> Stop {
+        Stop { kinetic_energy, unbalanced_force, height_change, window: 1.0 }
+    }
+
+    /// The time at which `stop` ends a run that looks like `of` at every time, and why.
+    fn ends(stop: &Stop, of: impl Fn(f64) -> [f64; 3]) -> Option<(f64, &'static str)> {
+        let mut watched = Watched::default();
+        (0..1000).map(|k| 0.01 * f64::from(k)).find_map(|t| {
+            if t < watched.next {
+                return None;
+            }
+            let [kinetic_energy, unbalanced_force, height] = of(t);
+            let by = watched.see(stop, t, &Look { kinetic_energy, unbalanced_force, height });
+            by.map(|by| (t, by))
+        })
+    }
+
+    #[test]
+    fn a_criterion_must_hold_for_a_whole_window() {
+        let slow = stop(Some(1e-3), None, None);
+        assert_eq!(ends(&slow, |_| [1e-2, 0.0, 0.0]), None);
+        let (t, by) = ends(&slow, |t| [if t < 2.0 { 1.0 } else { 1e-4 }, 0.0, 0.0]).unwrap();
+        assert!((3.0..3.2).contains(&t) && by == "stop.kinetic_energy", "{t} {by}");
+        // A bump in between begins the window anew.
+        let (t, _) =
+            ends(&slow, |t| [if t < 2.0 || (2.5..2.65).contains(&t) { 1.0 } else { 0.0 }, 0.0, 0.0]).unwrap();
+        assert!((3.6..3.9).contains(&t), "{t}");
+    }
+
+    #[test]
+    fn any_criterion_ends_the_run_and_is_named() {
+        let any = stop(Some(1e-9), Some(1e-3), Some(1e-9));
+        assert_eq!(ends(&any, |t| [1.0, 1e-4, t]).unwrap().1, "stop.unbalanced_force");
+        assert_eq!(ends(&any, |_| [1.0, 1.0, 3.0]).unwrap().1, "stop.height_change");
+    }
+
+    #[test]
+    fn a_height_that_creeps_is_a_change() {
+        let still = stop(None, None, Some(0.01));
+        assert_eq!(ends(&still, |t| [0.0, 0.0, 0.1 * t]), None);
+        // 0.005 m in a window.
+        assert!(ends(&still, |t| [0.0, 0.0, 0.005 * t]).unwrap().0 < 1.2);
+        // To and fro by more, and then at rest.
+        let (t, _) = ends(&still, |t| [0.0, 0.0, if t < 4.0 { (7.0 * t).sin() } else { 0.5 }]).unwrap();
+        assert!((5.0..5.3).contains(&t), "{t}");
+    }
+}

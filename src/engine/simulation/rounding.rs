@@ -1,0 +1,65 @@
+//! Whether a tolerance is below what the numbers of the state can hold.
+
+use super::Simulation;
+use crate::error::Error;
+use crate::math::larger;
+use crate::model::contact::{Rebound, Tangential};
+use crate::model::particle::{Motion, Spin};
+use crate::ode::{Linear, Norm};
+
+/// A step adds up a handful of changes: its result is rounded by so many units in the last place.
+const ROUNDINGS: f64 = 10.0;
+
+impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
+    /// Refuses a tolerance that rounding alone exceeds. Collective.
+    pub(super) fn check_rounding(&self, tightening: f64) -> Result<(), Error> {
+        let size = |state: &Motion<W>| state.magnitude(&self.norm.weights);
+        let mut largest = [self.anchor.y.iter().map(size).fold(0.0, larger)];
+        self.comm.max(&mut largest);
+        let i = self.dynamics.worst(|i| size(&self.anchor.y[i]));
+        check(&self.norm, self.control.tolerance, tightening, largest[0], i)
+    }
+}
+
+/// A tolerance that rounding alone exceeds: the error estimate, which shrinks with the step, would be met by steps so small
+/// that they never end. Errors that are rates see their own rounding, in the slope.
+fn check(norm: &Norm, tolerance: f64, tightening: f64, largest: f64, i: u64) -> Result<(), Error> {
+    let rounding = ROUNDINGS * f64::EPSILON * largest;
+    if norm.rate || tolerance >= rounding {
+        return Ok(());
+    }
+    let enough = rounding / tightening;
+    // Two digits, rounded up, so that the number printed is enough.
+    let unit = 10f64.powf(enough.log10().floor() - 1.0);
+    Err(Error::Rounding {
+        tolerance: tolerance / tightening,
+        rounding,
+        i,
+        enough: (enough / unit).ceil() * unit,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ode::Weights;
+
+    #[test]
+    fn a_tolerance_below_ten_roundings_is_refused_where_errors_are_no_rates() {
+        let scaled = Norm { weights: Weights::MIXED, rate: false };
+        // 4.2 m over a radius of 0.1 m: 10 * 2.2e-16 * 42.
+        assert_eq!(check(&scaled, 1e-13, 1.0, 42.0, 7), Ok(()));
+        let why = check(&scaled, 9e-14, 1.0, 42.0, 7).unwrap_err();
+        assert_eq!(why.exit_code(), 3);
+        assert!(why.to_string().contains("solver.tolerance = 9e-14 is below round-off"), "{why}");
+        assert!(
+            why.to_string().contains("particle 7") && why.to_string().contains("9.4e-14 or more"),
+            "{why}"
+        );
+        // A hundredth in effect.
+        let why = check(&scaled, 9e-14, 0.01, 42.0, 7).unwrap_err().to_string();
+        assert!(why.contains("9.4e-12 or more"), "{why}");
+        let rate = Norm { weights: Weights::MIXED, rate: true };
+        assert_eq!(check(&rate, 1e-20, 1.0, 42.0, 7), Ok(()));
+    }
+}

@@ -1,0 +1,183 @@
+//! Reading checkpoints: which of the two is the one to go on from, and its particles.
+
+use super::file::{self, LONGEST_HEADER, Layout, MARK, PART, PIECE, PREAMBLE};
+use super::{FORMAT, Header};
+use crate::domain::agreement::agree;
+use crate::domain::{Comm, rows};
+use crate::engine::simulation::Remembered;
+use crate::error::Error;
+use crate::math::vector::Vec3;
+use crate::model::particle::{Motion, Spin};
+use crc32fast::Hasher;
+use std::fs::{self, File};
+use std::io;
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+/// What is in `path`, as far as its head and its length tell; or what is wrong with it. None if there is no such file.
+pub fn look(path: &Path) -> Option<Result<Header, String>> {
+    // Only a file can be one: whoever opens a pipe waits.
+    let opened = fs::metadata(path).and_then(|found| match found.is_file() {
+        true => File::open(path),
+        false => Err(io::Error::other("it is not a regular file")),
+    });
+    match opened {
+        Err(why) if why.kind() == io::ErrorKind::NotFound => None,
+        Err(why) => Some(Err(format!("{}: {why}", path.display()))),
+        Ok(file) => Some(head(&file).map(|(header, _)| header).map_err(|why| complaint(path, &why))),
+    }
+}
+
+/// Holds every part of `path` against its checksum; the answer is the same on every rank. Collective.
+pub fn verify(comm: &dyn Comm, path: &Path) -> Result<(), String> {
+    let own = || {
+        let file = File::open(path).map_err(|why| why.to_string())?;
+        let (_, layout) = head(&file)?;
+        wrong_part(&file, &layout, comm.rank(), comm.size())
+    };
+    // A part, or what is not even one.
+    let found: Result<Option<Range<u64>>, String> = own();
+    let mark = match &found {
+        Ok(None) => f64::NEG_INFINITY,
+        Ok(Some(rows)) => -(rows.start as f64),
+        Err(_) => f64::INFINITY,
+    };
+    let mut all = [mark];
+    comm.max(&mut all);
+    match (all[0], found) {
+        (f64::NEG_INFINITY, _) => Ok(()),
+        (f64::INFINITY, Err(why)) => Err(complaint(path, &why)),
+        (f64::INFINITY, _) => Err(complaint(path, "a rank cannot read it")),
+        (first, _) => {
+            Err(complaint(path, &format!("particles from {} on do not match their checksum", -first)))
+        }
+    }
+}
+
+/// The checkpoint in `path`, which has been verified; a block of ids on every rank. Collective.
+pub fn read<W: Spin>(comm: &dyn Comm, path: &Path) -> Result<(Header, Remembered<W>), Error> {
+    let read = || {
+        let file = File::open(path).map_err(|why| why.to_string())?;
+        let (header, layout) = head(&file)?;
+        if header.rotation != (W::COMPONENTS > 0) {
+            return Err("its particles are not those of its scene".into());
+        }
+        let own = rows::block(header.count, comm.rank(), comm.size());
+        let column = |k: usize| states::<W>(&file, &layout, k, &own).map_err(|why| why.to_string());
+        let (state, places) = (column(0)?, column(1)?);
+        let origin = places.iter().map(|body| body.x).collect();
+        let remembered =
+            Remembered { memory: header.memory, state, origin, slope: column(2)?, direction: column(3)? };
+        Ok((header, remembered))
+    };
+    agree(comm, read().map_err(|why: String| Error::Input(complaint(path, &why))))
+}
+
+/// Ranks that may have written a file.
+const MOST_PARTS: u64 = 1 << 20;
+
+fn complaint(path: &Path, why: &str) -> String {
+    format!("{} is not a checkpoint that can be used: {why}", path.display())
+}
+
+/// Reads and checks the head of a file, and its length.
+fn head(file: &File) -> Result<(Header, Layout), String> {
+    let there = file.metadata().map_err(|why| why.to_string())?.len();
+    let mut preamble = [0; PREAMBLE as usize];
+    file.read_exact_at(&mut preamble, 0).map_err(|_| format!("it has only {there} bytes"))?;
+    if preamble[..16] != MARK {
+        return Err("it does not begin like one".into());
+    }
+    let format = file::half(&preamble, 16);
+    if format != FORMAT {
+        return Err(format!("it has the format {format}, and this program reads {FORMAT}"));
+    }
+    let (length, parts) = (file::word(&preamble, 24), file::word(&preamble, 32));
+    if length > LONGEST_HEADER.min(there) {
+        return Err(format!("it is cut off: a head of {length} bytes in a file of {there}"));
+    }
+    let mut encoded = vec![0; length as usize];
+    file.read_exact_at(&mut encoded, PREAMBLE).map_err(|why| why.to_string())?;
+    if crc32fast::hash(&encoded) != file::half(&preamble, 20) {
+        return Err("its head does not match its checksum".into());
+    }
+    let header: Header =
+        postcard::from_bytes(&encoded).map_err(|why| format!("its head is not readable: {why}"))?;
+    // So many bytes at least; beyond, sums could overflow.
+    if header.count > there / 48 || parts > (there / PART).min(MOST_PARTS) {
+        return Err(format!("it is cut off: {} particles in a file of {there} bytes", header.count));
+    }
+    let layout = Layout::new(&header, length, parts);
+    if layout.length() != there {
+        return Err(format!("it has {there} bytes in place of {}", layout.length()));
+    }
+    Ok((header, layout))
+}
+
+/// The rows of the first part that does not match its checksum, of those of this rank: the ranks take turns.
+fn wrong_part(file: &File, layout: &Layout, rank: usize, size: usize) -> Result<Option<Range<u64>>, String> {
+    let mut table = vec![0; (layout.length() - layout.table()) as usize];
+    file.read_exact_at(&mut table, layout.table()).map_err(|why| why.to_string())?;
+    let (lines, checksum) = table.split_at(table.len() - 4);
+    if crc32fast::hash(lines) != file::half(checksum, 0) {
+        return Err("its table of parts does not match its checksum".into());
+    }
+    let (mut next, mut wrong) = (0, None);
+    for (k, line) in lines.chunks_exact(PART as usize).enumerate() {
+        let (first, rows) = (file::word(line, 0), file::word(line, 8));
+        if first != next || rows > layout.count - first {
+            return Err(format!("its parts do not follow one another: {rows} rows from {first} on"));
+        }
+        next += rows;
+        if k % size == rank && wrong.is_none() {
+            let found = sum(file, layout, &(first..next)).map_err(|why| why.to_string())?;
+            wrong = (found != file::half(line, 16)).then_some(first..next);
+        }
+    }
+    if next == layout.count { Ok(wrong) } else { Err(format!("its parts end at particle {next}")) }
+}
+
+/// The checksum of some rows of all columns.
+fn sum(file: &File, layout: &Layout, rows: &Range<u64>) -> io::Result<u32> {
+    let (mut hasher, mut piece) = (Hasher::new(), Vec::new());
+    for k in 0..layout.widths.len() {
+        let Range { mut start, end } = layout.place(k, rows);
+        while start < end {
+            piece.resize((end - start).min(PIECE as u64) as usize, 0);
+            file.read_exact_at(&mut piece, start)?;
+            hasher.update(&piece);
+            start += piece.len() as u64;
+        }
+    }
+    Ok(hasher.finalize())
+}
+
+/// The rows of column `k`; empty where it has none. A column of positions gives bodies at rest.
+fn states<W: Spin>(file: &File, layout: &Layout, k: usize, rows: &Range<u64>) -> io::Result<Vec<Motion<W>>> {
+    let width = layout.widths[k] as usize;
+    if width == 0 {
+        return Ok(Vec::new());
+    }
+    let place = layout.place(k, rows);
+    let mut states = Vec::with_capacity((rows.end - rows.start) as usize);
+    let per_piece = (PIECE / (8 * width)) as u64;
+    let mut piece = Vec::new();
+    let mut start = place.start;
+    while start < place.end {
+        piece.resize((place.end - start).min(per_piece * 8 * width as u64) as usize, 0);
+        file.read_exact_at(&mut piece, start)?;
+        start += piece.len() as u64;
+        states.extend(piece.chunks_exact(8 * width).map(|row| {
+            let mut numbers = [0.0; 9];
+            for (number, bytes) in numbers.iter_mut().zip(row.chunks_exact(8)) {
+                *number = f64::from_bits(file::word(bytes, 0));
+            }
+            match width {
+                3 => Motion { x: Vec3::from_column_slice(&numbers[..3]), v: Vec3::zeros(), omega: W::zero() },
+                _ => Motion::unpack(&numbers[..width]),
+            }
+        }));
+    }
+    Ok(states)
+}

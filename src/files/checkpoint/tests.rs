@@ -1,0 +1,316 @@
+//! A run that is stopped, written, read and taken up again by other ranks must end with the same bits, and a file that is
+//! not sound must be refused.
+
+use super::{Header, bytes, look, read, slot, slots, verify, write};
+use crate::domain::comm::team::team;
+use crate::domain::{Comm, Solo};
+use crate::engine::simulation::{self, Counts, Frame, FrameSummary, Observer, Simulation, Snapshot, Task};
+use crate::error::{Error, StopRequest};
+use crate::model::contact::{Law, Rebound, Tangential};
+use crate::model::particle::{Motion, Spin};
+use crate::scene::Scene;
+use crate::scene::initial_condition::{self, InitialCondition};
+use std::cell::Cell;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use tempfile::TempDir;
+
+/// 60 spheres that fall onto the floor and each other within 0.7 s.
+const SCENE: &str = "
+    t_end = 0.7
+    gravity = [0, 0, -9.81]
+    particles = { radius = 0.1, grid = { count = 60, bottom = 0.3, seed = 3 } }
+    container.box = { min = [0, 0, 0], max = [1, 1, inf] }
+    contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
+                dissipation_focusing = 10, interaction_distance = 0.1 }
+    output.interval = 0.07
+";
+const FRICTION: &str = "friction = { coefficient = 0.2, regularization_velocity = 0.01 }";
+
+fn scene(sets: &[&str]) -> Scene {
+    let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+    Scene::parse("a.toml", SCENE, &sets).unwrap()
+}
+
+fn start(scene: &Scene) -> InitialCondition {
+    initial_condition::grid(scene, scene.particles.grid.as_ref().unwrap())
+}
+
+/// All frames of a run: time, bits of all states by id, and what else a frame tells.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Film(Vec<(u64, Vec<u64>, Counts, [u64; 5])>);
+
+/// What a run does beside computing.
+struct Camera<'a> {
+    film: Film,
+    comm: &'a dyn Comm,
+    scene: &'a Scene,
+    scale: f64,
+    path: &'a Path,
+}
+
+impl<W: Spin> Observer<W> for Camera<'_> {
+    fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error> {
+        let numbers = |body: &Motion<W>| {
+            let mut numbers = [0.0; 9];
+            body.pack(&mut numbers);
+            numbers
+        };
+        // Every rank has a block: only what rank 0 has is compared, with as many particles on it as ranks allow.
+        let mut bits: Vec<u64> = frame.rows.map(numbers).into_iter().flatten().map(f64::to_bits).collect();
+        bits.truncate(9 * 15);
+        let measures = [
+            frame.step,
+            frame.kinetic_energy,
+            frame.potential_energy,
+            frame.largest_overlap,
+            frame.dissipated[1],
+        ];
+        self.film.0.push((frame.time.to_bits(), bits, frame.counts, measures.map(f64::to_bits)));
+        Ok(())
+    }
+
+    fn checkpoint(&mut self, snapshot: &Snapshot<W>) -> Result<(), Error> {
+        let header = Header {
+            serial: 1,
+            version: "of the test".into(),
+            instruction_set: "any".into(),
+            scene: self.scene.resolved(),
+            count: snapshot.count,
+            rotation: W::COMPONENTS > 0,
+            velocity_scale: self.scale,
+            wall_seconds: 1.5,
+            course: FrameSummary::default(),
+            memory: snapshot.memory,
+        };
+        write(self.comm, self.path, &header, snapshot)
+    }
+}
+
+/// Runs a scene on one rank from its start or its checkpoint, until the trial `stop`; returns its frames.
+struct Part<'a> {
+    scene: &'a Scene,
+    comm: &'a dyn Comm,
+    path: &'a Path,
+    resumes: bool,
+    stop: u64,
+}
+
+impl Task for Part<'_> {
+    type Output = Film;
+
+    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Film {
+        let Part { scene, comm, path, resumes, stop } = self;
+        let trials = Cell::new(0);
+        let outside = || {
+            trials.set(trials.get() + 1);
+            if trials.get() >= stop { StopRequest::StopFile } else { StopRequest::Nothing }
+        };
+        let start = start(scene);
+        let scale = initial_condition::velocity_scale(scene, &start);
+        let mut simulation = if resumes {
+            verify(comm, path).unwrap();
+            let (header, remembered) = read::<W>(comm, path).unwrap();
+            Simulation::<R, T, W>::resume(scene, law, comm, header.count, header.velocity_scale, remembered)
+                .unwrap()
+        } else {
+            Simulation::new(scene, &start, law, comm).unwrap()
+        };
+        simulation.heed(&outside);
+        let mut camera = Camera { film: Film::default(), comm, scene, scale, path };
+        let outcome = simulation.run(&mut camera).unwrap();
+        assert!(outcome.stopped.is_none() || stop < u64::MAX);
+        camera.film
+    }
+}
+
+/// A part of a run on so many ranks; the frames as rank 0 sees them.
+fn part(scene: &Scene, ranks: usize, path: &Path, resumes: bool, stop: u64) -> Film {
+    let film = Mutex::new(Film::default());
+    let run = |comm: &dyn Comm| {
+        let own = simulation::dispatch(scene, Part { scene, comm, path, resumes, stop });
+        if comm.rank() == 0 {
+            *film.lock().unwrap() = own;
+        }
+    };
+    match ranks {
+        1 => run(&Solo),
+        _ => team(ranks, run),
+    }
+    film.into_inner().unwrap()
+}
+
+#[test]
+fn a_run_that_was_stopped_goes_on_to_the_same_bits_with_every_method_on_any_ranks() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a");
+    let cases: [&[&str]; 7] = [
+        &[FRICTION],
+        &[FRICTION, "solver.method=merson", "output.energy=true"],
+        &[FRICTION, "solver.method=chebyshev", "output.energy=true"],
+        &[FRICTION, "solver.method=dormand-prince", "solver.norm=paper"],
+        &[FRICTION, "solver.method=velocity-verlet", "solver.step=1e-4"],
+        &["friction={ coefficient = 0.3, regularization_velocity = 0.1, rotation = false }"],
+        &["solver.tolerance=1e-3"],
+    ];
+    let mut matrix = 0;
+    for sets in cases {
+        let scene = scene(sets);
+        let whole = part(&scene, 1, &path, false, u64::MAX);
+        let last = whole.0.last().unwrap().2;
+        let trials = last.accepted + last.rejected + last.outrun;
+        // In free flight, in the impacts, and near the end.
+        for (stop, ranks) in [(2, 1), (trials / 3, 2), (trials - 3, 3)] {
+            let mut film = part(&scene, ranks, &path, false, stop.max(1));
+            for ranks in [1, 2, 3] {
+                let rest = part(&scene, ranks, &path, true, u64::MAX);
+                let mut both = film.clone();
+                both.0.extend(rest.0);
+                assert_eq!(both.0.len(), whole.0.len(), "{sets:?}: frames");
+                for (found, expected) in both.0.iter().zip(&whole.0) {
+                    assert_eq!(
+                        found, expected,
+                        "{sets:?}, stopped at trial {stop}, resumed on {ranks} ranks"
+                    );
+                }
+                matrix += 1;
+            }
+            film.0.clear();
+        }
+    }
+    println!("{matrix} runs were stopped and taken up again");
+    assert_eq!(matrix, 63);
+}
+
+#[test]
+fn a_run_that_looks_out_for_rest_is_the_same_until_it_ends_and_so_is_its_second_part() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a");
+    let plain = part(&scene(&[FRICTION]), 1, &path, false, u64::MAX);
+    let watchful = scene(&[
+        FRICTION,
+        "stop={ unbalanced_force = 1e-12, kinetic_energy = 1e-30, height_change = 1e-12 }",
+    ]);
+    let watched = part(&watchful, 2, &path, false, u64::MAX);
+    let seen = |film: &Film| film.0.iter().map(|frame| (frame.0, frame.1.clone())).collect::<Vec<_>>();
+    assert_eq!(seen(&watched), seen(&plain));
+    // It may end on the way, and after a stop on the way it ends there too.
+    let stops = scene(&[FRICTION, "stop={ unbalanced_force = 0.5, window = 0.02 }"]);
+    let whole = part(&stops, 1, &path, false, u64::MAX);
+    let end = f64::from_bits(whole.0.last().unwrap().0);
+    assert!(end > 0.2 && end < 0.7, "{end} s");
+    let mut film = part(&stops, 3, &path, false, 40);
+    assert!(film.0.len() < whole.0.len());
+    film.0.extend(part(&stops, 2, &path, true, u64::MAX).0);
+    assert_eq!(film, whole);
+    // The checkpoint of the end leads to the same end again.
+    let saves =
+        scene(&[FRICTION, "stop={ unbalanced_force = 0.5, window = 0.02 }", "checkpoint.interval=100"]);
+    assert_eq!(part(&saves, 2, &path, false, u64::MAX), whole);
+    let again = part(&saves, 1, &path, true, u64::MAX);
+    assert!(!again.0.is_empty());
+    assert_eq!(again.0, whole.0[whole.0.len() - again.0.len()..]);
+}
+
+#[test]
+fn a_run_may_be_stopped_again_and_again() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a");
+    let scene = scene(&[FRICTION]);
+    let whole = part(&scene, 1, &path, false, u64::MAX);
+    let mut film = part(&scene, 1, &path, false, 5);
+    let mut stops = 0;
+    while film.0.len() < whole.0.len() {
+        // One trial repeats the last step before the stop, the others are new.
+        film.0.extend(part(&scene, 1 + stops % 3, &path, true, 40 + stops as u64).0);
+        stops += 1;
+        if stops > 20 && film.0.len() < whole.0.len() {
+            film.0.extend(part(&scene, 2, &path, true, u64::MAX).0);
+        }
+    }
+    assert_eq!(film, whole);
+}
+
+/// A sound file in a folder of its own, written by two ranks.
+fn sound() -> (TempDir, PathBuf) {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a");
+    part(&scene(&[FRICTION]), 2, &path, false, 30);
+    (folder, path)
+}
+
+/// Why a file cannot be used; none if it can.
+fn refusal(path: &Path) -> Option<String> {
+    match look(path) {
+        None => Some("nothing".into()),
+        Some(Err(why)) => Some(why),
+        Some(Ok(_)) => verify(&Solo, path).err(),
+    }
+}
+
+#[test]
+fn a_byte_that_is_wrong_anywhere_is_found() {
+    let (_folder, path) = sound();
+    assert_eq!(refusal(&path), None);
+    let whole = fs::read(&path).unwrap();
+    assert!(whole.len() as u64 <= bytes(60, true));
+    // Every byte of head and table, and some between.
+    let near_an_end = |at: &usize| *at < 2000 || at + 100 > whole.len() || at.is_multiple_of(97);
+    let mut tried = 0;
+    for at in (0..whole.len()).filter(near_an_end) {
+        let mut wrong = whole.clone();
+        wrong[at] ^= 1 << (at % 8);
+        fs::write(&path, &wrong).unwrap();
+        let why = refusal(&path).unwrap_or_else(|| panic!("byte {at} of {} does not matter", whole.len()));
+        assert!(why.contains("is not a checkpoint that can be used: "), "{why}");
+        tried += 1;
+    }
+    println!("{tried} bytes changed");
+    assert!(tried > 2000);
+}
+
+#[test]
+fn a_file_that_is_cut_off_or_foreign_is_refused() {
+    let (_folder, path) = sound();
+    let whole = fs::read(&path).unwrap();
+    for length in (0..whole.len()).step_by(41) {
+        fs::write(&path, &whole[..length]).unwrap();
+        assert!(refusal(&path).is_some(), "{length} bytes of {}", whole.len());
+    }
+    fs::write(&path, [&whole[..], b"more"].concat()).unwrap();
+    assert!(refusal(&path).unwrap().contains("bytes in place of"));
+    fs::write(&path, "t_end = 1\n".repeat(100)).unwrap();
+    assert!(refusal(&path).unwrap().contains("it does not begin like one"));
+    let mut newer = whole.clone();
+    newer[16] = 2;
+    fs::write(&path, newer).unwrap();
+    assert!(refusal(&path).unwrap().contains("it has the format 2, and this program reads 1"));
+    fs::remove_file(&path).unwrap();
+    assert!(look(&path).is_none());
+    fs::create_dir(&path).unwrap();
+    assert!(refusal(&path).is_some());
+}
+
+#[test]
+fn every_rank_learns_of_the_part_that_is_wrong() {
+    let (_folder, path) = sound();
+    let mut wrong = fs::read(&path).unwrap();
+    // A number of the last particle: in the second of two parts, which rank 1 looks at.
+    let at = wrong.len() - 2 * 20 - 4 - 8;
+    wrong[at] ^= 1;
+    fs::write(&path, wrong).unwrap();
+    team(3, |comm| {
+        let why = verify(comm, &path).unwrap_err();
+        assert!(why.ends_with("particles from 30 on do not match their checksum"), "{why}");
+    });
+}
+
+#[test]
+fn the_two_files_take_turns_beside_the_output() {
+    let output = Path::new("/somewhere/a.vtkhdf");
+    let names = slots(output).map(|slot| slot.to_str().unwrap().to_owned());
+    assert_eq!(names, ["/somewhere/a.vtkhdf.ckpt-a", "/somewhere/a.vtkhdf.ckpt-b"]);
+    let order = [1, 2, 3, 4].map(|serial| slot(output, serial));
+    assert_eq!(order, [0, 1, 0, 1].map(|k: usize| PathBuf::from(&names[k])));
+}

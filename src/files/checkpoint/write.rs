@@ -1,0 +1,150 @@
+//! Writing a checkpoint: every rank its block of rows, rank 0 the rest.
+
+use super::file::{self, Layout, PIECE};
+use super::{Header, beside};
+use crate::domain::Comm;
+use crate::domain::agreement::agree;
+use crate::domain::rows::{self, ById};
+use crate::engine::simulation::Snapshot;
+use crate::error::Error;
+use crate::math::vector::Vec3;
+use crate::model::particle::{Motion, Spin};
+use crc32fast::Hasher;
+use std::fs::{self, File};
+use std::io;
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+
+/// Writes the run that `header` and `snapshot` describe to `path`, which is the same on every rank. The file appears there
+/// when it is complete and on the disk, and replaces the one that was there before. Collective.
+pub fn write<W: Spin>(
+    comm: &dyn Comm,
+    path: &Path,
+    header: &Header,
+    snapshot: &Snapshot<W>,
+) -> Result<(), Error> {
+    let unfinished = beside(path, "tmp");
+    let encoded = postcard::to_stdvec(header).expect("a header holds numbers and texts");
+    let parts = comm.size() as u64;
+    let layout = Layout::new(header, encoded.len() as u64, parts);
+    let created = if comm.rank() == 0 { create(&unfinished, &encoded, &layout) } else { Ok(()) };
+    let created = agree(comm, created.map_err(|why| failure(path, &why)));
+    let written = created.and_then(|()| fill(comm, path, &unfinished, &layout, snapshot));
+    if written.is_err() && comm.rank() == 0 {
+        // If that fails as well, the next checkpoint replaces it.
+        let _ = fs::remove_file(&unfinished);
+    }
+    written
+}
+
+fn failure(path: &Path, why: &io::Error) -> Error {
+    Error::Checkpoint { file: path.display().to_string(), why: why.to_string() }
+}
+
+/// Writes what comes after the head, and gives the file its name. Collective.
+fn fill<W: Spin>(
+    comm: &dyn Comm,
+    path: &Path,
+    unfinished: &Path,
+    layout: &Layout,
+    snapshot: &Snapshot<W>,
+) -> Result<(), Error> {
+    let failure = |why: io::Error| failure(path, &why);
+    let rows = rows::block(snapshot.count, comm.rank(), comm.size());
+    let written = write_block(comm, unfinished, layout, &rows, snapshot);
+    let checksum = agree(comm, written.map_err(failure))?;
+    let mut checksums = vec![0.0; comm.size()];
+    comm.all_gather(&[f64::from(checksum)], &mut checksums);
+    let finished = if comm.rank() == 0 {
+        let part = |(rank, &sum): (usize, &f64)| (rows::block(snapshot.count, rank, comm.size()), sum as u32);
+        let table = file::table(&checksums.iter().enumerate().map(part).collect::<Vec<_>>());
+        finish(unfinished, path, layout, &table)
+    } else {
+        Ok(())
+    };
+    agree(comm, finished.map_err(failure))
+}
+
+/// The unfinished file with its head, at its full length.
+fn create(path: &Path, header: &[u8], layout: &Layout) -> io::Result<()> {
+    let file = File::create(path)?;
+    file.set_len(layout.length())?;
+    file.write_all_at(&file::head(header, layout.parts), 0)?;
+    Ok(())
+}
+
+/// Adds the table and gives the file its name.
+fn finish(unfinished: &Path, path: &Path, layout: &Layout, table: &[u8]) -> io::Result<()> {
+    fail::fail_point!("checkpoint", |_| Err(io::Error::other("a fail point")));
+    let file = File::options().write(true).open(unfinished)?;
+    file.write_all_at(table, layout.table())?;
+    file.sync_all()?;
+    fs::rename(unfinished, path)?;
+    // The name is on the disk when its folder is. Some file systems know no such thing.
+    if let Some(folder) = path.parent().and_then(|folder| File::open(folder).ok()) {
+        let _ = folder.sync_all();
+    }
+    Ok(())
+}
+
+/// Writes this rank's rows of all columns, which are on the disk at the end; returns their checksum. Collective, also
+/// where the file fails this rank.
+fn write_block<W: Spin>(
+    comm: &dyn Comm,
+    path: &Path,
+    layout: &Layout,
+    rows: &Range<u64>,
+    snapshot: &Snapshot<W>,
+) -> io::Result<u32> {
+    let places: Vec<Motion<W>> = snapshot.origin.iter().map(|x| at(*x)).collect();
+    let columns = [snapshot.state, &places, snapshot.slope, snapshot.direction];
+    let mut file = File::options().write(true).open(path);
+    let mut hasher = Hasher::new();
+    for (k, column) in columns.into_iter().enumerate() {
+        let width = layout.widths[k] as usize;
+        if width == 0 {
+            continue;
+        }
+        let by_id = ById::new(comm, snapshot.count, snapshot.ids, column);
+        file = file.and_then(|file| {
+            let start = layout.place(k, rows).start;
+            write_rows(&file, start, width, &by_id, &mut hasher)?;
+            Ok(file)
+        });
+    }
+    file.and_then(|file| file.sync_data())?;
+    Ok(hasher.finalize())
+}
+
+/// Writes the first `width` numbers of every state from byte `start` on.
+fn write_rows<W: Spin>(
+    file: &File,
+    start: u64,
+    width: usize,
+    by_id: &ById<W>,
+    hasher: &mut Hasher,
+) -> io::Result<()> {
+    let (mut piece, mut place) = (Vec::with_capacity(PIECE + 8 * width), start);
+    let mut pour = |piece: &mut Vec<u8>| {
+        file.write_all_at(piece, place)?;
+        hasher.update(piece);
+        place += piece.len() as u64;
+        piece.clear();
+        Ok(())
+    };
+    let mut numbers = [0.0; 9];
+    for state in by_id.iter() {
+        state.pack(&mut numbers);
+        piece.extend(numbers[..width].iter().flat_map(|number| number.to_le_bytes()));
+        if piece.len() >= PIECE {
+            pour(&mut piece)?;
+        }
+    }
+    pour(&mut piece)
+}
+
+/// A body at rest at `x` (m).
+fn at<W: Spin>(x: Vec3) -> Motion<W> {
+    Motion { x, v: Vec3::zeros(), omega: W::zero() }
+}

@@ -1,0 +1,5 @@
+//! Files of a run: its output, written and read, and its checkpoints.
+
+pub mod checkpoint;
+pub mod output;
+pub mod run_file;

@@ -1,0 +1,554 @@
+//! The groups and arrays of the file, and how one frame is added to them.
+
+use std::fs;
+use std::mem;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use hdf5::plist::dataset_create::{AllocTime, FillTime};
+use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
+use hdf5::{Dataset, Extent, File, FileBuilder, Group, Location, Result};
+
+use super::collective::{Row, Transfer};
+use super::{Measures, Quantity, Rows, RunInfo, mpio};
+use crate::domain::comm::Comm;
+use crate::ode::Limit;
+
+/// Rows that the small arrays, one row per frame, grow by on disk.
+const FRAMES_PER_CHUNK: u64 = 1024;
+/// Longest scene text that is an attribute, bytes; a longer one becomes a dataset.
+const LONGEST_ATTRIBUTE: usize = 60 << 10;
+/// What HDF5 needs at most to find one more chunk, bytes: a few nodes of a tree.
+const INDEX_BYTES: u64 = 16 << 10;
+/// Bytes of one row of a vector quantity.
+const VECTOR_BYTES: u64 = 24;
+
+/// The columns of `/run/series` that are reals.
+type RealColumn = (&'static str, fn(&Measures) -> f64);
+const REAL_COLUMNS: [RealColumn; 7] = [
+    ("time", |m| m.time),
+    ("step", |m| m.step),
+    ("kinetic_energy", |m| m.kinetic_energy),
+    ("potential_energy", |m| m.potential_energy),
+    ("largest_overlap", |m| m.largest_overlap),
+    ("bed_height", |m| m.bed_height),
+    ("wall_seconds", |m| m.wall_seconds),
+];
+
+/// The columns of `/run/series` that are there only if dissipated energy is to be written.
+const ENERGY_COLUMNS: [RealColumn; 2] =
+    [("dissipated_rebound", |m| m.dissipated[0]), ("dissipated_friction", |m| m.dissipated[1])];
+
+/// The reals that are attributes of `/run`, as of the last frame.
+const REAL_ATTRIBUTES: [RealColumn; 6] = [
+    ("wall_seconds", |m| m.wall_seconds),
+    ("seconds_forces", |m| m.seconds.forces),
+    ("seconds_ghosts", |m| m.seconds.ghosts),
+    ("seconds_lists", |m| m.seconds.lists),
+    ("seconds_reduction", |m| m.seconds.reduction),
+    ("seconds_output", |m| m.seconds.output),
+];
+
+/// The columns of `/run/series` that are counts.
+type CountColumn = (&'static str, fn(&Measures) -> u64);
+const COUNT_COLUMNS: [CountColumn; 6] = [
+    ("steps_accepted", |m| m.steps_accepted),
+    ("steps_rejected", |m| m.steps_rejected),
+    ("steps_outrun", |m| m.steps_outrun),
+    ("rhs_evaluations", |m| m.rhs_evaluations),
+    ("pair_evaluations", |m| m.pair_evaluations),
+    ("lists_built", |m| m.lists_built),
+];
+
+/// The counts that are attributes of `/run` as well, as of the last frame, beside those of the limits.
+const COUNT_ATTRIBUTES: [CountColumn; 7] = [
+    ("steps_accepted", |m| m.steps_accepted),
+    ("steps_rejected", |m| m.steps_rejected),
+    ("steps_outrun", |m| m.steps_outrun),
+    ("rhs_evaluations", |m| m.rhs_evaluations),
+    ("pair_evaluations", |m| m.pair_evaluations),
+    ("lists_built", |m| m.lists_built),
+    ("forced_accepts", |m| m.forced_accepts),
+];
+
+/// The attribute of `/run` that counts the accepted steps whose size `limit` decided.
+fn limit_attribute(limit: Limit) -> String {
+    format!("limited_by_{}", limit.name())
+}
+
+/// A bookkeeping array of VTKHDF, one row per frame: `first + k * stride` in row k.
+struct Schedule {
+    array: Dataset,
+    first: i64,
+    stride: i64,
+}
+
+/// A column of `/run/series`, and the measure that fills it.
+struct Column<N> {
+    array: Dataset,
+    measure: fn(&Measures) -> N,
+}
+
+/// The open file. Fields are closed in this order: arrays, groups, file.
+pub struct Frames {
+    position: Dataset,
+    velocity: Dataset,
+    angular_velocity: Option<Dataset>,
+    /// `NumberOfPoints`.
+    sizes: Dataset,
+    schedules: Vec<Schedule>,
+    /// Where a frame's cells start, for VTK's four kinds of cells: always 0, all frames share them.
+    cell_offsets: Vec<Dataset>,
+    real_columns: Vec<Column<f64>>,
+    count_columns: Vec<Column<u64>>,
+    /// `Steps/Values`, s: never longer than `NSteps` says, or VTK's reader crashes.
+    times: Dataset,
+    steps: Group,
+    run: Group,
+    transfer: Transfer,
+    file: File,
+    path: PathBuf,
+    /// Particles, the rows of a frame.
+    count: u64,
+    /// T, complete frames in the file.
+    complete: u64,
+    /// Whether this rank writes the small arrays.
+    writes_small: bool,
+}
+
+impl Frames {
+    /// Creates the file with no frames. `info` is the same on every rank. Collective.
+    pub fn create(
+        comm: &dyn Comm,
+        path: &Path,
+        info: &RunInfo,
+        count: u64,
+        radius: f64,
+        rotation: bool,
+        id_rows: Range<u64>,
+    ) -> Result<Self> {
+        let file = options(comm)?.create(path)?;
+        // Closing the file is collective: should the next lines fail, this second handle keeps it open for ever.
+        let keep_open = file.clone();
+        let created = Self::lay_out(comm, (file, path), &Ground::New(info), count, rotation);
+        created.and_then(|frames| frames.write_static(comm, radius, id_rows).map(|()| frames)).inspect_err(
+            |_| {
+                mem::forget(keep_open);
+            },
+        )
+    }
+
+    /// Opens the file of an earlier process, in which `complete` frames stand and nothing of later ones
+    /// ([`reopen::prepare`](super::reopen::prepare)). Collective.
+    pub fn open(
+        comm: &dyn Comm,
+        path: &Path,
+        energy: bool,
+        count: u64,
+        rotation: bool,
+        complete: u64,
+    ) -> Result<Self> {
+        let file = options(comm)?.open_rw(path)?;
+        let keep_open = file.clone();
+        let ground = Ground::Found { energy, complete };
+        Self::lay_out(comm, (file, path), &ground, count, rotation).inspect_err(|_| {
+            mem::forget(keep_open);
+        })
+    }
+
+    fn lay_out(
+        comm: &dyn Comm,
+        (file, path): (File, &Path),
+        ground: &Ground,
+        count: u64,
+        rotation: bool,
+    ) -> Result<Self> {
+        let transfer = Transfer::new(comm.raw())?;
+        let writes_small = comm.rank() == 0;
+        let root = ground.group(&file, "VTKHDF")?;
+        let point_data = ground.group(&root, "PointData")?;
+        let steps = ground.group(&root, "Steps")?;
+        if let Ground::New(_) = ground {
+            root.new_attr::<i64>().shape(2).create("Version")?.write(&[2_i64, 0])?;
+            let kind = FixedAscii::<8>::from_ascii("PolyData").map_err(|e| e.to_string())?;
+            root.new_attr::<FixedAscii<8>>().create("Type")?.write_scalar(&kind)?;
+            set_new(&steps, "NSteps", 0_i64)?;
+        }
+        let offsets = ground.group(&steps, "PointDataOffsets")?;
+
+        let n = count as i64;
+        let mut schedules = Vec::new();
+        let mut schedule = |group: &Group, name: &str, first: i64, stride: i64| -> Result<()> {
+            let array = ground.array::<i64>(group, name, FRAMES_PER_CHUNK)?;
+            schedules.push(Schedule { array, first, stride });
+            Ok(())
+        };
+        for name in ["Vertices", "Lines", "Polygons", "Strips"] {
+            // Every particle is a vertex; the other kinds of cells must be there and are empty.
+            let cells = ground.group(&root, name)?;
+            let shown = if name == "Vertices" { n } else { 0 };
+            schedule(&cells, "NumberOfCells", shown, 0)?;
+            schedule(&cells, "NumberOfConnectivityIds", shown, 0)?;
+        }
+        schedule(&steps, "PartOffsets", 0, 1)?;
+        schedule(&steps, "NumberOfParts", 1, 0)?;
+        schedule(&steps, "PointOffsets", 0, n)?;
+        // Every point array needs its offsets, also one that all frames share: ParaView crashed without.
+        schedule(&offsets, "id", 0, 0)?;
+        schedule(&offsets, "radius", 0, 0)?;
+        schedule(&offsets, "velocity", 0, n)?;
+        if rotation {
+            schedule(&offsets, "angular_velocity", 0, n)?;
+        }
+
+        let run = match ground {
+            Ground::New(info) => run_group(&file, &transfer, info, writes_small)?,
+            Ground::Found { .. } => file.group("run")?,
+        };
+        let series = ground.group(&run, "series")?;
+        let rows = rows_per_chunk(count);
+        Ok(Frames {
+            position: ground.array::<[f64; 3]>(&root, "Points", rows)?,
+            velocity: ground.array::<[f64; 3]>(&point_data, "velocity", rows)?,
+            angular_velocity: rotation
+                .then(|| ground.array::<[f64; 3]>(&point_data, "angular_velocity", rows))
+                .transpose()?,
+            sizes: ground.array::<i64>(&root, "NumberOfPoints", FRAMES_PER_CHUNK)?,
+            schedules,
+            cell_offsets: ["CellOffsets", "ConnectivityIdOffsets"]
+                .map(|name| ground.array::<[i64; 4]>(&steps, name, FRAMES_PER_CHUNK))
+                .into_iter()
+                .collect::<Result<_>>()?,
+            times: ground.array::<f64>(&steps, "Values", FRAMES_PER_CHUNK)?,
+            real_columns: REAL_COLUMNS
+                .into_iter()
+                .chain(ENERGY_COLUMNS.into_iter().filter(|_| ground.energy()))
+                .map(|(name, measure)| {
+                    Ok(Column { array: ground.array::<f64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                })
+                .collect::<Result<_>>()?,
+            count_columns: COUNT_COLUMNS
+                .into_iter()
+                .map(|(name, measure)| {
+                    Ok(Column { array: ground.array::<i64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                })
+                .collect::<Result<_>>()?,
+            run,
+            steps,
+            transfer,
+            file,
+            path: path.to_path_buf(),
+            count,
+            complete: match ground {
+                Ground::New(_) => 0,
+                Ground::Found { complete, .. } => *complete,
+            },
+            writes_small,
+        })
+    }
+
+    /// The arrays that all frames share: ids, radii, and a vertex for every particle. Collective.
+    fn write_static(&self, comm: &dyn Comm, radius: f64, id_rows: Range<u64>) -> Result<()> {
+        let root = self.file.group("VTKHDF")?;
+        let point_data = &root.group("PointData")?;
+        let first = id_rows.start;
+        let ids: Vec<i64> = id_rows.clone().map(|id| id as i64).collect();
+        let radii = vec![radius; ids.len()];
+        let together = |group: &Group, name: &str, length: u64, rows: &[i64]| {
+            self.transfer.write_together(&fixed::<i64>(group, name, length)?, first, rows)
+        };
+        together(point_data, "id", self.count, &ids)?;
+        self.transfer.write_together(&fixed::<f64>(point_data, "radius", self.count)?, first, &radii)?;
+        let vertices = root.group("Vertices")?;
+        together(&vertices, "Connectivity", self.count, &ids)?;
+        // One more offset than vertices: the last rank, whose block ends with the last particle, adds it.
+        let end = id_rows.end + u64::from(comm.rank() + 1 == comm.size());
+        let bounds: Vec<i64> = (first..end).map(|id| id as i64).collect();
+        together(&vertices, "Offsets", self.count + 1, &bounds)?;
+        for name in ["Lines", "Polygons", "Strips"] {
+            let cells = root.group(name)?;
+            fixed::<i64>(&cells, "Connectivity", 0)?;
+            let offsets = fixed::<i64>(&cells, "Offsets", 1)?;
+            self.write_small(&offsets, 0, &[0_i64])?;
+        }
+        self.flush(0)
+    }
+
+    /// Adds one frame; returns how its rows travelled. Collective.
+    pub fn append(&mut self, rows: &Rows, measures: &Measures) -> Result<String> {
+        let k = self.complete;
+        // All data first. Arrays grow here and never shrink: shrinking inside a chunk, on several ranks, breaks the
+        // bookkeeping of HDF5 1.10 (tried).
+        self.write_vectors(&self.position, k, rows, Quantity::Position)?;
+        self.write_vectors(&self.velocity, k, rows, Quantity::Velocity)?;
+        if let Some(array) = &self.angular_velocity {
+            self.write_vectors(array, k, rows, Quantity::AngularVelocity)?;
+        }
+        let transfer = self.transfer.report()?;
+        // VTK takes a file of one frame for one without time, and all rows of `NumberOfPoints` for its parts. So the
+        // second row has to wait for `NSteps`; it is the only one that must.
+        let second = k == 1;
+        if !second {
+            self.put(&self.sizes, k, self.count as i64)?;
+        }
+        for schedule in &self.schedules {
+            self.put(&schedule.array, k, schedule.first + k as i64 * schedule.stride)?;
+        }
+        for array in &self.cell_offsets {
+            self.put(array, k, [0_i64; 4])?;
+        }
+        for Column { array, measure } in &self.real_columns {
+            self.put(array, k, measure(measures))?;
+        }
+        for Column { array, measure } in &self.count_columns {
+            self.put(array, k, measure(measures) as i64)?;
+        }
+        self.flush(self.growth(k))?;
+
+        // Only then the frame is said to be there.
+        if second {
+            self.put(&self.sizes, k, self.count as i64)?;
+        }
+        self.put(&self.times, k, measures.time)?;
+        set(&self.steps, "NSteps", k as i64 + 1)?;
+        self.count_up(measures)?;
+        self.flush(self.small_growth(k))?;
+        self.complete += 1;
+        Ok(transfer)
+    }
+
+    /// Final attributes. Collective.
+    pub fn complete(&mut self, measures: &Measures, choice: &str) -> Result<()> {
+        self.count_up(measures)?;
+        // Known only now, and as long as it likes: a new attribute, which may make the file longer.
+        set_new_text(&self.run, "choice", choice)?;
+        self.flush(choice.len() as u64 + INDEX_BYTES)?;
+        set(&self.run, "completed", 1_i64)?;
+        self.flush(0)
+    }
+
+    /// What stopped the run before its end. Collective.
+    pub fn stopped(&mut self, by: &str) -> Result<()> {
+        set_new_text(&self.run, "stopped_by", by)?;
+        self.flush(by.len() as u64 + INDEX_BYTES)
+    }
+
+    /// Closes everything, and the file last. Collective.
+    pub fn close(self) -> Result<()> {
+        // A second handle, because all others must be gone before the file is closed.
+        let file = self.file.clone();
+        drop(self);
+        file.close()
+    }
+
+    /// Brings everything written so far to the disk; the file may have grown by `growth` bytes. Collective.
+    ///
+    /// HDF5 writes the new length into the head of the file before it makes the file so long, and a file shorter than
+    /// its head says cannot be opened: a kill between the two lost everything (tried). So the file is made longer
+    /// first, which takes no space, and HDF5 cuts it to what it is. (The serial driver would not cut it.)
+    fn flush(&self, growth: u64) -> Result<()> {
+        if self.writes_small && self.transfer.is_parallel() && growth > 0 {
+            let lengthen = |file: fs::File| file.set_len(file.metadata()?.len() + growth);
+            let opened = fs::OpenOptions::new().write(true).open(&self.path);
+            opened.and_then(lengthen).map_err(|why| why.to_string())?;
+        }
+        self.file.flush()
+    }
+
+    /// Bytes that frame `k` may add to the file, generously; 0 if it fits into what is laid out already, so that HDF5
+    /// will leave the length alone.
+    fn growth(&self, k: u64) -> u64 {
+        let rows = rows_per_chunk(self.count);
+        let chunks = |frames: u64| (frames * self.count).div_ceil(rows);
+        let arrays = 2 + u64::from(self.angular_velocity.is_some());
+        let vectors = arrays * (chunks(k + 1) - chunks(k)) * (rows * VECTOR_BYTES + INDEX_BYTES);
+        vectors + self.small_growth(k)
+    }
+
+    /// The part of `growth` for arrays with one row per frame.
+    fn small_growth(&self, k: u64) -> u64 {
+        if k.is_multiple_of(FRAMES_PER_CHUNK) { small_arrays() } else { 0 }
+    }
+
+    fn count_up(&self, measures: &Measures) -> Result<()> {
+        for (name, count) in COUNT_ATTRIBUTES {
+            set(&self.run, name, count(measures) as i64)?;
+        }
+        for (limit, steps) in Limit::ALL.into_iter().zip(measures.limits) {
+            set(&self.run, &limit_attribute(limit), steps as i64)?;
+        }
+        for (name, real) in REAL_ATTRIBUTES {
+            set(&self.run, name, real(measures))?;
+        }
+        Ok(())
+    }
+
+    /// This rank's rows of a quantity of frame `k`. Collective.
+    fn write_vectors(&self, array: &Dataset, k: u64, rows: &Rows, quantity: Quantity) -> Result<()> {
+        grow::<[f64; 3]>(array, (k + 1) * self.count)?;
+        self.transfer.write_together(array, k * self.count + rows.first, &(rows.column)(quantity))
+    }
+
+    /// Appends row `k` of a small array. Collective.
+    fn put<R: Row>(&self, array: &Dataset, k: u64, row: R) -> Result<()> {
+        grow::<R>(array, k + 1)?;
+        self.write_small(array, k, &[row])
+    }
+
+    /// Rank 0 writes rows that are the same on every rank.
+    fn write_small<R: Row>(&self, array: &Dataset, first: u64, rows: &[R]) -> Result<()> {
+        if self.writes_small { self.transfer.write_alone(array, first, rows) } else { Ok(()) }
+    }
+}
+
+/// How the file is opened. Collective, like the call that opens it.
+pub(super) fn options(comm: &dyn Comm) -> Result<FileBuilder> {
+    let mut options = File::with_options();
+    // The default until HDF5 2.0 chose another: whatever library writes, the file is the same, older ones read it, and
+    // it opens after a kill.
+    options.with_fapl(|access| access.libver_earliest());
+    if let Some(communicator) = comm.raw() {
+        mpio::open_together(&mut options, communicator)?;
+    }
+    Ok(options)
+}
+
+/// Bytes that one frame of `count` particles may add to a file at most.
+pub(super) fn largest_growth(count: u64) -> u64 {
+    let rows = rows_per_chunk(count);
+    3 * (count.div_ceil(rows) + 1) * (rows * VECTOR_BYTES + INDEX_BYTES) + small_arrays()
+}
+
+/// Bytes of a chunk of all arrays with one row per frame.
+fn small_arrays() -> u64 {
+    64 * (FRAMES_PER_CHUNK * 32 + INDEX_BYTES)
+}
+
+/// What a file holds when it is laid out.
+enum Ground<'a> {
+    /// Nothing: everything is made, for this run.
+    New(&'a RunInfo),
+    /// All groups and arrays of an earlier process.
+    Found {
+        /// Whether there are columns for dissipated energy.
+        energy: bool,
+        /// Complete frames.
+        complete: u64,
+    },
+}
+
+impl Ground<'_> {
+    fn energy(&self) -> bool {
+        match self {
+            Ground::New(info) => info.energy,
+            Ground::Found { energy, .. } => *energy,
+        }
+    }
+
+    fn group(&self, place: &Group, name: &str) -> Result<Group> {
+        match self {
+            Ground::New(_) => place.create_group(name),
+            Ground::Found { .. } => place.group(name),
+        }
+    }
+
+    /// An array that grows by rows, `rows_per_chunk` of them on disk at once.
+    fn array<R: Row>(&self, group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dataset> {
+        match self {
+            Ground::New(_) => growing::<R>(group, name, rows_per_chunk),
+            Ground::Found { .. } => group.dataset(name),
+        }
+    }
+}
+
+/// Makes an array `rows` long; one that is longer already, from a process that has ended since, stays so.
+fn grow<R: Row>(array: &Dataset, rows: u64) -> Result<()> {
+    let rows = rows as usize;
+    if array.shape().first().is_some_and(|&there| there >= rows) {
+        return Ok(());
+    }
+    array.resize([&[rows], R::SHAPE].concat())
+}
+
+/// `/run` with all its attributes. Collective.
+fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: bool) -> Result<Group> {
+    let run = file.create_group("run")?;
+    set_new_text(&run, "version", &info.version)?;
+    set_new_text(&run, "commit", &info.commit)?;
+    put_scene(&run, transfer, &info.scene, writes_small)?;
+    set_new_text(&run, "method", info.method.name())?;
+    set_new(&run, "tolerance", info.tolerance)?;
+    if let Some(step) = info.step {
+        set_new(&run, "step", step)?;
+    }
+    set_new_text(&run, "norm", info.norm.name())?;
+    set_new(&run, "velocity_scale", info.velocity_scale)?;
+    set_new(&run, "contact_reach", info.contact_reach)?;
+    set_new(&run, "mass", info.mass)?;
+    set_new(&run, "ranks", info.ranks as i64)?;
+    set_new(&run, "threads", info.threads as i64)?;
+    set_new_text(&run, "instruction_set", &info.instruction_set)?;
+    for (name, _) in COUNT_ATTRIBUTES {
+        set_new(&run, name, 0_i64)?;
+    }
+    for limit in Limit::ALL {
+        set_new(&run, &limit_attribute(limit), 0_i64)?;
+    }
+    for (name, _) in REAL_ATTRIBUTES {
+        set_new(&run, name, 0.0)?;
+    }
+    set_new(&run, "completed", 0_i64)?;
+    Ok(run)
+}
+
+/// The text of the scene, as an attribute or, where it is too long for one, as a dataset.
+pub(super) fn put_scene(run: &Group, transfer: &Transfer, scene: &str, writes: bool) -> Result<()> {
+    if scene.len() <= LONGEST_ATTRIBUTE {
+        return set_new_text(run, "scene", scene);
+    }
+    let kind = TypeDescriptor::FixedUnicode(scene.len());
+    let text = run.new_dataset_builder().obj_track_times(false).empty_as(&kind).create("scene_text")?;
+    if writes { transfer.write_text(&text, scene) } else { Ok(()) }
+}
+
+/// An empty array that grows by rows.
+fn growing<R: Row>(group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dataset> {
+    let extents: Vec<Extent> =
+        [vec![Extent::resizable(0)], R::SHAPE.iter().map(|&n| Extent::fixed(n)).collect()].concat();
+    let chunk = [&[rows_per_chunk as usize], R::SHAPE].concat();
+    let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
+    // As parallel HDF5 does: ranks that go on with a file have no place for a chunk otherwise.
+    let builder = builder.alloc_time(Some(AllocTime::Early));
+    // Nothing is read again: without a cache, chunks are written from where they are.
+    builder.shape(extents).chunk(chunk).chunk_cache(1, 0, 1.0).create(name)
+}
+
+/// An array of a fixed number of rows.
+fn fixed<R: Row>(group: &Group, name: &str, rows: u64) -> Result<Dataset> {
+    let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
+    builder.no_chunk().shape([&[rows as usize], R::SHAPE].concat()).create(name)
+}
+
+/// Rows of a vector array that are stored together: whole frames up to 64 KiB, or else parts of a frame up to 1 MiB.
+fn rows_per_chunk(count: u64) -> u64 {
+    let (few, most) = ((64 << 10) / VECTOR_BYTES, (1 << 20) / VECTOR_BYTES);
+    match count {
+        0 => 1,
+        _ if count <= few => few / count * count,
+        _ => count.div_ceil(count.div_ceil(most)),
+    }
+}
+
+fn set_new<T: H5Type>(place: &Location, name: &str, value: T) -> Result<()> {
+    place.new_attr::<T>().create(name)?.write_scalar(&value)
+}
+
+fn set_new_text(place: &Location, name: &str, text: &str) -> Result<()> {
+    let value = VarLenUnicode::from_str(text).map_err(|why| format!("attribute {name}: {why}"))?;
+    set_new(place, name, value)
+}
+
+fn set<T: H5Type>(place: &Location, name: &str, value: T) -> Result<()> {
+    place.attr(name)?.write_scalar(&value)
+}

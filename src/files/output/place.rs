@@ -1,0 +1,116 @@
+//! Whether a run can be written where the user wants it: asked before anything is computed or created.
+
+use crate::math::digits;
+use std::ffi::OsStr;
+use std::fs;
+use std::io::ErrorKind;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+use rustix::fs::{Access, access, statvfs};
+
+/// The absolute form of `path` if a file of `estimated_bytes` can be written there, else the whole complaint.
+/// Looks only, creates nothing.
+pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, String> {
+    let named = path.display();
+    let refuse = |what: String| Err(format!("output.file = \"{named}\": {what}"));
+    if path.to_str().is_none_or(|text| text.contains('\0')) {
+        return refuse("the name is not UTF-8 text, which HDF5 needs; choose another name".to_string());
+    }
+    let absolute = match std::path::absolute(path) {
+        // Behind a link: what belongs to the file, such as its checkpoints, is beside the file.
+        Ok(absolute) => absolute.canonicalize().unwrap_or(absolute),
+        Err(why) => return refuse(format!("not a path ({why}); give the name of a file to write")),
+    };
+    let (Some(folder), false) = (absolute.parent(), ends_in_separator(path)) else {
+        return refuse("names a folder; give the name of a file to write".to_string());
+    };
+    let mut reclaimed = 0;
+    match fs::metadata(&absolute) {
+        Ok(found) if found.is_dir() => {
+            return refuse(format!(
+                "is a folder; name a file in it, such as \"{}\"",
+                path.join("run.vtkhdf").display()
+            ));
+        }
+        Ok(found) if !found.is_file() => {
+            return refuse("is not a regular file; give the name of a file to write".to_string());
+        }
+        Ok(_) if !force => {
+            return refuse(
+                "the file exists; use --force to replace it, or --output FILE for another".to_string(),
+            );
+        }
+        Ok(found) => {
+            if let Err(why) = access(&absolute, Access::WRITE_OK) {
+                return refuse(format!("the file exists and cannot be replaced ({why}); make it writable"));
+            }
+            reclaimed = 512 * found.blocks(); // st_blocks counts in 512 bytes on any file system
+        }
+        Err(why) if matches!(why.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            match fs::metadata(folder) {
+                Ok(found) if found.is_dir() => {}
+                Ok(_) => {
+                    return refuse(format!("{} is not a folder; choose another place", folder.display()));
+                }
+                Err(_) => {
+                    return refuse(format!("there is no folder {}; create it first", folder.display()));
+                }
+            }
+            if let Err(why) = access(folder, Access::WRITE_OK | Access::EXEC_OK) {
+                return refuse(format!(
+                    "the folder {} cannot be written to ({why}); make it writable or choose another",
+                    folder.display()
+                ));
+            }
+        }
+        Err(why) => return refuse(format!("cannot be looked at ({why}); choose another place")),
+    }
+    if let Some(free) = free_bytes(folder)
+        && free.saturating_add(reclaimed) < estimated_bytes
+    {
+        return refuse(format!(
+            "the run needs about {}, but {} has {} free; free some space, choose another place or a larger output.interval",
+            digits::bytes(estimated_bytes),
+            folder.display(),
+            digits::bytes(free.saturating_add(reclaimed))
+        ));
+    }
+    Ok(absolute)
+}
+
+/// Device and inode of a file, if it is there.
+pub fn identity(path: &Path) -> Option<(u64, u64)> {
+    let found = fs::metadata(path).ok()?;
+    Some((found.dev(), found.ino()))
+}
+
+/// Bytes that this user may still write in the file system of `folder`, if it says.
+pub fn free_bytes(folder: &Path) -> Option<u64> {
+    fail::fail_point!("room", |_| None);
+    let all = statvfs(folder).ok()?;
+    Some(all.f_bavail.saturating_mul(all.f_frsize))
+}
+
+/// `results/` is a folder whether it exists or not.
+fn ends_in_separator(path: &Path) -> bool {
+    path.as_os_str().as_bytes().ends_with(b"/") || path.file_name().is_none()
+}
+
+/// A verdict as bytes, for the way from rank 0 to the others: a mark, then the path or the complaint.
+pub fn to_bytes(verdict: &Result<PathBuf, String>) -> Vec<u8> {
+    match verdict {
+        Ok(path) => [b"+", path.as_os_str().as_bytes()].concat(),
+        Err(complaint) => [b"-", complaint.as_bytes()].concat(),
+    }
+}
+
+/// The inverse of `to_bytes`.
+pub fn from_bytes(bytes: &[u8]) -> Result<PathBuf, String> {
+    match bytes.split_first() {
+        Some((b'+', path)) => Ok(PathBuf::from(OsStr::from_bytes(path))),
+        Some((_, complaint)) => Err(String::from_utf8_lossy(complaint).into_owned()),
+        None => Err("output.file: rank 0 gave no verdict on the place".to_string()),
+    }
+}

@@ -1,0 +1,168 @@
+//! The file of an earlier process: what it holds, and how it is made ready to go on.
+//!
+//! One rank does all of this with the serial driver: the parallel one cannot make arrays shorter (docs/design.md).
+
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+use std::str::FromStr;
+
+use hdf5::types::VarLenUnicode;
+use hdf5::{Attribute, Dataset, File, Group};
+
+use super::RunInfo;
+use super::collective::{Transfer, begin_behind_the_end};
+use super::frames::{largest_growth, options, put_scene};
+use crate::domain::Solo;
+use crate::scene::initial_condition::InitialCondition;
+
+/// What a file tells of the run that wrote it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// The scene as resolved, TOML.
+    pub scene: String,
+    /// Whether the run came to its end.
+    pub completed: bool,
+    /// Complete frames.
+    pub frames: u64,
+    /// Their times, s.
+    pub times: Vec<f64>,
+    /// Particles; 0 where there is no frame.
+    pub count: u64,
+}
+
+/// Looks into the file of an earlier process, or says why it is none.
+pub fn inspect(path: &Path) -> Result<Found, String> {
+    let file = open(path)?;
+    let foreign = |_| {
+        "it is not an output file of demhybrid: it has no /run with a scene and no /VTKHDF/Steps".to_owned()
+    };
+    let run = file.group("run").map_err(foreign)?;
+    let scene = match run.attr("scene") {
+        Ok(attribute) => text(&attribute)?,
+        Err(_) => {
+            let all = run.dataset("scene_text").map_err(foreign)?;
+            long_text(path, &all)?
+        }
+    };
+    let completed: i64 = run.attr("completed").and_then(|found| found.read_scalar()).map_err(foreign)?;
+    let steps = file.group("VTKHDF/Steps").map_err(foreign)?;
+    let frames: i64 = steps.attr("NSteps").and_then(|found| found.read_scalar()).map_err(foreign)?;
+    let ids = file.dataset("VTKHDF/PointData/id").map_err(foreign)?;
+    let frames = u64::try_from(frames).map_err(|_| format!("it claims {frames} frames"))?;
+    let times: Vec<f64> = steps.dataset("Values").and_then(|times| times.read_raw()).map_err(foreign)?;
+    let times = times.get(..frames as usize).ok_or("it holds fewer frames than it claims")?.to_vec();
+    if !times.iter().all(|time| time.is_finite()) {
+        return Err("a frame of it has no finite time".into());
+    }
+    Ok(Found {
+        scene,
+        completed: completed == 1,
+        frames,
+        times,
+        count: ids.shape().first().copied().unwrap_or(0) as u64,
+    })
+}
+
+/// The state of all `count` particles in the first frame.
+pub fn first_frame(path: &Path, count: u64) -> Result<InitialCondition, String> {
+    frame(&open(path)?, 0, count)
+}
+
+/// The state of all `count` particles in frame `k`, which must be complete.
+pub fn frame(file: &File, k: u64, count: u64) -> Result<InitialCondition, String> {
+    let (first, end) = ((k * count) as usize, ((k + 1) * count) as usize);
+    let rows = |name: &str| -> Result<Vec<[f64; 3]>, String> {
+        let all = file.dataset(name).and_then(|rows| rows.read_slice_2d::<f64, _>((first..end, ..)));
+        Ok(all.map_err(say)?.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+    };
+    let spins = "VTKHDF/PointData/angular_velocity";
+    let (x, v) = (rows("VTKHDF/Points")?, rows("VTKHDF/PointData/velocity")?);
+    let omega = if file.link_exists(spins) { rows(spins)? } else { vec![[0.0; 3]; x.len()] };
+    Ok(InitialCondition { x, v, omega })
+}
+
+/// Makes the file such that `frames` frames stand and whatever came later is forgotten, as the file of a run that `info`
+/// describes and that is not completed.
+pub fn prepare(path: &Path, frames: u64, info: &RunInfo) -> Result<(), String> {
+    let prepared = || -> hdf5::Result<()> {
+        let file = options(&Solo)?.open_rw(path)?;
+        let root = file.group("VTKHDF")?;
+        let steps = root.group("Steps")?;
+        let run = file.group("run")?;
+        if run.attr("stopped_by").is_err() && run.attr("completed")?.read_scalar::<i64>()? == 0 {
+            // Killed, perhaps within a flush: the trees of the arrays may know of chunks beyond the end that the file
+            // recorded, and what begins there would be written over them. They are of one frame.
+            let count = root.dataset("PointData/id")?.size() as u64;
+            begin_behind_the_end(&file, largest_growth(count))?;
+        }
+        // Never more times than NSteps says: VTK's reader crashes.
+        shorten(&steps, &["Values"], frames)?;
+        steps.attr("NSteps")?.write_scalar(&(frames as i64))?;
+        shorten(&root, &["NumberOfPoints"], frames)?;
+        let series = run.group("series")?;
+        let names = series.member_names()?;
+        shorten(&series, &names.iter().map(String::as_str).collect::<Vec<_>>(), frames)?;
+        run.attr("completed")?.write_scalar(&0_i64)?;
+        run.attr("ranks")?.write_scalar(&(info.ranks as i64))?;
+        run.attr("threads")?.write_scalar(&(info.threads as i64))?;
+        for name in ["choice", "stopped_by"] {
+            if run.attr(name).is_ok() {
+                run.delete_attr(name)?;
+            }
+        }
+        replace_text(&run, "instruction_set", &info.instruction_set)?;
+        if run.attr("scene").is_ok() {
+            run.delete_attr("scene")?;
+        } else {
+            run.unlink("scene_text")?;
+        }
+        put_scene(&run, &Transfer::new(None)?, &info.scene, true)?;
+        file.close()
+    };
+    prepared().map_err(say)
+}
+
+fn open(path: &Path) -> Result<File, String> {
+    File::open(path).map_err(|why| format!("it cannot be opened as an HDF5 file: {}", say(why)))
+}
+
+/// What HDF5 says, on one line.
+#[allow(clippy::needless_pass_by_value)] // for `map_err`
+fn say(why: hdf5::Error) -> String {
+    why.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+fn text(attribute: &Attribute) -> Result<String, String> {
+    attribute.read_scalar::<VarLenUnicode>().map(|text| text.to_string()).map_err(say)
+}
+
+/// A text that is a dataset: bytes that lie together in the file, which is how it was written. (The crate reads no texts of
+/// a length that is known at run time only.)
+fn long_text(path: &Path, text: &Dataset) -> Result<String, String> {
+    let bytes = text.dtype().map_err(say)?.size();
+    let place = text.offset().ok_or("its scene is not where it should be")?;
+    let mut all = vec![0; bytes.min(LONGEST_TEXT)];
+    let read = std::fs::File::open(path).and_then(|file| file.read_exact_at(&mut all, place));
+    read.map_err(|why| why.to_string())?;
+    String::from_utf8(all).map_err(|_| "its scene is not UTF-8 text".into())
+}
+
+/// Bytes of a scene at most.
+const LONGEST_TEXT: usize = 64 << 20;
+
+fn shorten(group: &Group, names: &[&str], rows: u64) -> hdf5::Result<()> {
+    for name in names {
+        let array = group.dataset(name)?;
+        let mut shape = array.shape();
+        if shape[0] as u64 > rows {
+            shape[0] = rows as usize;
+            array.resize(shape)?;
+        }
+    }
+    Ok(())
+}
+
+fn replace_text(group: &Group, name: &str, text: &str) -> hdf5::Result<()> {
+    let value = VarLenUnicode::from_str(text).map_err(|why| format!("attribute {name}: {why}"))?;
+    group.attr(name)?.write_scalar(&value)
+}

@@ -1,0 +1,456 @@
+//! The file as a reader finds it, written by one rank through the serial driver.
+
+use std::path::{Path, PathBuf};
+
+use hdf5::types::{FixedAscii, IntSize, TypeDescriptor, VarLenUnicode};
+use hdf5::{Dataset, File};
+use tempfile::TempDir;
+
+use super::{Measures, Output, Quantity, Rows, RunInfo, Seconds};
+use crate::domain::comm::Solo;
+use crate::error::Error;
+use crate::ode::{Limit, MethodName, NormName};
+
+const COUNT: u64 = 3;
+const RADIUS: f64 = 0.1;
+
+fn info(scene: &str) -> RunInfo {
+    RunInfo {
+        version: "0.1.0".to_string(),
+        commit: "0123abc".to_string(),
+        scene: scene.to_string(),
+        method: MethodName::Merson,
+        tolerance: 0.1,
+        step: None,
+        norm: NormName::Paper,
+        velocity_scale: 0.75,
+        contact_reach: 0.0462,
+        energy: false,
+        mass: 1.5,
+        ranks: 1,
+        threads: 2,
+        instruction_set: "avx2+fma".to_string(),
+    }
+}
+
+/// Distinct numbers in every column, all exact in a double.
+fn measures(k: u64) -> Measures {
+    let x = k as f64;
+    Measures {
+        time: 0.25 * x,
+        step: 1.0 + x,
+        steps_accepted: 10 + k,
+        steps_rejected: 20 + k,
+        steps_outrun: 30 + k,
+        rhs_evaluations: 40 + k,
+        pair_evaluations: 50 + k,
+        lists_built: 70 + k,
+        forced_accepts: 60 + k,
+        limits: std::array::from_fn(|limit| 100 * (limit as u64 + 1) + k),
+        kinetic_energy: 2.0 + x,
+        potential_energy: 3.0 + x,
+        dissipated: [7.0 + x, 8.0 + x],
+        largest_overlap: 4.0 + x,
+        bed_height: 5.0 + x,
+        wall_seconds: 6.0 + x,
+        seconds: Seconds {
+            forces: 0.5 + x,
+            ghosts: 0.25 + x,
+            lists: 0.125 + x,
+            reduction: 0.0625 + x,
+            output: 0.75 + x,
+        },
+    }
+}
+
+/// The vectors of quantity `q` in frame `k`.
+fn vectors(k: u64, q: f64) -> Vec<[f64; 3]> {
+    (0..COUNT).map(|id| [k as f64, id as f64, q]).collect()
+}
+
+fn append(output: &mut Output, k: u64, rotation: bool) {
+    let column = |quantity| match quantity {
+        Quantity::Position => vectors(k, 0.5),
+        Quantity::Velocity => vectors(k, 1.5),
+        Quantity::AngularVelocity if rotation => vectors(k, 2.5),
+        Quantity::AngularVelocity => panic!("nobody asked for rotation"),
+    };
+    let rows = Rows { first: 0, column: &column };
+    output.append(&rows, &measures(k)).unwrap();
+}
+
+/// A finished file of `frames` frames; the folder must live as long as the file is read.
+fn written(frames: u64, rotation: bool, scene: &str) -> (TempDir, File) {
+    let (folder, path) = place();
+    let mut output = create(&path, rotation, scene);
+    for k in 0..frames {
+        append(&mut output, k, rotation);
+    }
+    output.finish(&measures(frames), CHOICE, None).unwrap();
+    let file = File::open(path).unwrap();
+    (folder, file)
+}
+
+/// What the run says of its method in the end.
+const CHOICE: &str = "merson, for its ω";
+
+/// A finished file of `frames` frames with what `change` makes of its description.
+fn described(frames: u64, change: impl FnOnce(&mut RunInfo)) -> (TempDir, File) {
+    let (folder, path) = place();
+    let mut info = info("");
+    change(&mut info);
+    let mut output = Output::create(&Solo, &path, &info, COUNT, RADIUS, false, 0..COUNT).unwrap();
+    (0..frames).for_each(|k| append(&mut output, k, false));
+    output.finish(&measures(frames), CHOICE, None).unwrap();
+    (folder, File::open(path).unwrap())
+}
+
+fn place() -> (TempDir, PathBuf) {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("run.vtkhdf");
+    (folder, path)
+}
+
+fn create(path: &Path, rotation: bool, scene: &str) -> Output<'static> {
+    Output::create(&Solo, path, &info(scene), COUNT, RADIUS, rotation, 0..COUNT).unwrap()
+}
+
+fn counts(file: &File, name: &str) -> Vec<i64> {
+    let array = dataset(file, name);
+    assert_eq!(
+        array.dtype().unwrap().to_descriptor().unwrap(),
+        TypeDescriptor::Integer(IntSize::U8),
+        "{name}"
+    );
+    array.read_raw().unwrap()
+}
+
+fn reals(file: &File, name: &str) -> Vec<f64> {
+    let array = dataset(file, name);
+    assert!(array.dtype().unwrap().is::<f64>(), "{name}");
+    array.read_raw().unwrap()
+}
+
+fn dataset(file: &File, name: &str) -> Dataset {
+    file.dataset(name).unwrap_or_else(|why| panic!("{name}: {why}"))
+}
+
+fn frames_in(file: &File) -> i64 {
+    file.group("VTKHDF/Steps").unwrap().attr("NSteps").unwrap().read_scalar().unwrap()
+}
+
+fn run_count(file: &File, name: &str) -> i64 {
+    let attribute = file.group("run").unwrap().attr(name).unwrap();
+    assert!(attribute.dtype().unwrap().is::<i64>(), "{name}");
+    attribute.read_scalar().unwrap()
+}
+
+fn run_real(file: &File, name: &str) -> f64 {
+    let attribute = file.group("run").unwrap().attr(name).unwrap();
+    assert!(attribute.dtype().unwrap().is::<f64>(), "{name}");
+    attribute.read_scalar().unwrap()
+}
+
+fn run_text(file: &File, name: &str) -> String {
+    let attribute = file.group("run").unwrap().attr(name).unwrap();
+    attribute.read_scalar::<VarLenUnicode>().unwrap().to_string()
+}
+
+fn refusal(path: &Path, force: bool, bytes: u64) -> String {
+    match Output::check_place(&Solo, path, force, bytes) {
+        Err(Error::Input(text)) => text,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn file_says_what_it_is_in_the_types_that_vtk_asks_for() {
+    let (_folder, file) = written(1, true, "");
+    let root = file.group("VTKHDF").unwrap();
+    let kind = root.attr("Type").unwrap();
+    assert_eq!(kind.dtype().unwrap().to_descriptor().unwrap(), TypeDescriptor::FixedAscii(8));
+    assert_eq!(kind.read_scalar::<FixedAscii<8>>().unwrap().as_str(), "PolyData");
+    let version = root.attr("Version").unwrap();
+    assert!(version.dtype().unwrap().is::<i64>());
+    assert_eq!(version.read_raw::<i64>().unwrap(), [2, 0]);
+}
+
+#[test]
+fn every_frame_keeps_its_vectors_in_id_order() {
+    let (_folder, file) = written(4, true, "");
+    for (name, q) in [("Points", 0.5), ("PointData/velocity", 1.5), ("PointData/angular_velocity", 2.5)] {
+        let name = format!("VTKHDF/{name}");
+        let all: Vec<f64> = (0..4).flat_map(|k| vectors(k, q)).flatten().collect();
+        assert_eq!(reals(&file, &name), all, "{name}");
+        assert_eq!(dataset(&file, &name).shape(), [4 * COUNT as usize, 3], "{name}");
+    }
+}
+
+#[test]
+fn ids_radii_and_vertices_are_stored_once_for_all_frames() {
+    let (_folder, file) = written(2, false, "");
+    assert_eq!(counts(&file, "VTKHDF/PointData/id"), [0, 1, 2]);
+    assert_eq!(reals(&file, "VTKHDF/PointData/radius"), [RADIUS; 3]);
+    assert_eq!(counts(&file, "VTKHDF/Vertices/Connectivity"), [0, 1, 2]);
+    assert_eq!(counts(&file, "VTKHDF/Vertices/Offsets"), [0, 1, 2, 3]);
+    assert_eq!(counts(&file, "VTKHDF/Vertices/NumberOfCells"), [3, 3]);
+    assert_eq!(counts(&file, "VTKHDF/Vertices/NumberOfConnectivityIds"), [3, 3]);
+    for cells in ["Lines", "Polygons", "Strips"] {
+        assert!(counts(&file, &format!("VTKHDF/{cells}/Connectivity")).is_empty());
+        assert_eq!(counts(&file, &format!("VTKHDF/{cells}/Offsets")), [0]);
+        assert_eq!(counts(&file, &format!("VTKHDF/{cells}/NumberOfCells")), [0, 0]);
+        assert_eq!(counts(&file, &format!("VTKHDF/{cells}/NumberOfConnectivityIds")), [0, 0]);
+    }
+}
+
+#[test]
+fn steps_say_where_each_frame_starts() {
+    let (_folder, file) = written(3, true, "");
+    assert_eq!(frames_in(&file), 3);
+    assert_eq!(reals(&file, "VTKHDF/Steps/Values"), [0.0, 0.25, 0.5]);
+    assert_eq!(counts(&file, "VTKHDF/NumberOfPoints"), [3, 3, 3]);
+    assert_eq!(counts(&file, "VTKHDF/Steps/PartOffsets"), [0, 1, 2]);
+    assert_eq!(counts(&file, "VTKHDF/Steps/NumberOfParts"), [1, 1, 1]);
+    assert_eq!(counts(&file, "VTKHDF/Steps/PointOffsets"), [0, 3, 6]);
+    for name in ["CellOffsets", "ConnectivityIdOffsets"] {
+        let name = format!("VTKHDF/Steps/{name}");
+        assert_eq!(counts(&file, &name), [0; 12]);
+        assert_eq!(dataset(&file, &name).shape(), [3, 4]);
+    }
+    for (name, starts) in
+        [("id", [0; 3]), ("radius", [0; 3]), ("velocity", [0, 3, 6]), ("angular_velocity", [0, 3, 6])]
+    {
+        assert_eq!(counts(&file, &format!("VTKHDF/Steps/PointDataOffsets/{name}")), starts, "{name}");
+    }
+}
+
+#[test]
+fn every_point_array_has_offsets_and_without_rotation_there_is_no_angular_velocity() {
+    for (rotation, names) in [
+        (true, &["angular_velocity", "id", "radius", "velocity"][..]),
+        (false, &["id", "radius", "velocity"]),
+    ] {
+        let (_folder, file) = written(1, rotation, "");
+        for group in ["VTKHDF/PointData", "VTKHDF/Steps/PointDataOffsets"] {
+            assert_eq!(file.group(group).unwrap().member_names().unwrap(), names, "{group}");
+        }
+    }
+}
+
+#[test]
+fn series_has_one_row_of_measures_for_each_frame() {
+    let (_folder, file) = written(3, false, "");
+    for (name, start) in
+        [("step", 1.0), ("kinetic_energy", 2.0), ("potential_energy", 3.0), ("largest_overlap", 4.0)]
+            .into_iter()
+            .chain([("bed_height", 5.0), ("wall_seconds", 6.0)])
+    {
+        assert_eq!(reals(&file, &format!("run/series/{name}")), [start, start + 1.0, start + 2.0], "{name}");
+    }
+    assert_eq!(reals(&file, "run/series/time"), [0.0, 0.25, 0.5]);
+    for (name, start) in
+        [("steps_accepted", 10), ("steps_rejected", 20), ("steps_outrun", 30), ("rhs_evaluations", 40)]
+            .into_iter()
+            .chain([("pair_evaluations", 50), ("lists_built", 70)])
+    {
+        assert_eq!(counts(&file, &format!("run/series/{name}")), [start, start + 1, start + 2], "{name}");
+    }
+    assert_eq!(file.group("run/series").unwrap().len(), 13);
+}
+
+#[test]
+fn dissipated_energy_has_columns_only_where_it_is_asked_for() {
+    let names = ["dissipated_rebound", "dissipated_friction"].map(|name| format!("run/series/{name}"));
+    let (_folder, file) = described(2, |_| ());
+    assert!(names.iter().all(|name| !file.link_exists(name)));
+    let (_folder, file) = described(2, |info| info.energy = true);
+    assert_eq!(reals(&file, &names[0]), [7.0, 8.0]);
+    assert_eq!(reals(&file, &names[1]), [8.0, 9.0]);
+    assert_eq!(file.group("run/series").unwrap().len(), 15);
+}
+
+#[test]
+fn run_counts_the_steps_that_every_limit_decided() {
+    let (_folder, file) = described(2, |_| ());
+    for (k, limit) in Limit::ALL.into_iter().enumerate() {
+        let name = format!("limited_by_{}", limit.name());
+        assert_eq!(run_count(&file, &name), 100 * (k as i64 + 1) + 2, "{name}");
+    }
+}
+
+#[test]
+fn seconds_of_a_killed_run_are_those_of_its_last_frame() {
+    let names = ["forces", "ghosts", "lists", "reduction", "output"].map(|part| format!("seconds_{part}"));
+    let (_folder, path) = place();
+    let mut output = create(&path, false, "");
+    append(&mut output, 0, false);
+    append(&mut output, 1, false);
+    drop(output);
+    let (_other, completed) = described(2, |_| ());
+    for (file, k) in [(File::open(path).unwrap(), 1.0), (completed, 2.0)] {
+        let found: Vec<f64> = names.iter().map(|name| run_real(&file, name)).collect();
+        assert_eq!(found, [0.5, 0.25, 0.125, 0.0625, 0.75].map(|part| part + k));
+    }
+}
+
+#[test]
+fn a_run_goes_on_in_a_file_that_does_not_know_of_its_last_chunks() {
+    // Their first frame was killed after the trees were on the disk and before the end of the file was.
+    let (_folder, path) = place();
+    let mut output = create(&path, false, "");
+    let end = 40..48; // of the superblock: where the file ends
+    let mut old = Vec::new();
+    for k in 0..915 {
+        append(&mut output, k, false);
+        if k == 900 {
+            old = std::fs::read(&path).unwrap()[end.clone()].to_vec();
+        }
+    }
+    drop(output);
+    let mut bytes = std::fs::read(&path).unwrap();
+    assert!(bytes[end.clone()] != old[..], "a chunk holds less than 910 frames of 3 particles");
+    bytes[end].copy_from_slice(&old);
+    std::fs::write(&path, bytes).unwrap();
+    super::prepare(&path, 912, &info("")).unwrap();
+    let mut output = Output::open(&Solo, &path, false, COUNT, false, 912).unwrap();
+    (912..1830).for_each(|k| append(&mut output, k, false));
+    output.finish(&measures(1830), CHOICE, None).unwrap();
+    let file = File::open(&path).unwrap();
+    assert_eq!(frames_in(&file), 1830);
+    let expected = |q| (0..1830).flat_map(|k| vectors(k, q).concat()).collect::<Vec<f64>>();
+    assert_eq!(reals(&file, "VTKHDF/Points"), expected(0.5));
+    assert_eq!(reals(&file, "VTKHDF/PointData/velocity"), expected(1.5));
+    assert_eq!(reals(&file, "run/series/time"), (0..1830).map(|k| 0.25 * f64::from(k)).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_fixed_step_is_an_attribute_only_of_a_method_that_has_one() {
+    let (_folder, file) = described(0, |_| ());
+    assert!(file.group("run").unwrap().attr("step").is_err());
+    assert_eq!(run_real(&file, "tolerance"), 0.1);
+    let (_folder, file) = described(0, |info| (info.step, info.tolerance) = (Some(1e-5), 0.0));
+    assert_eq!((run_real(&file, "step"), run_real(&file, "tolerance")), (1e-5, 0.0));
+}
+
+#[test]
+fn the_choice_of_the_method_is_told_when_the_run_is_completed() {
+    let (_folder, path) = place();
+    let mut output = create(&path, false, "");
+    append(&mut output, 0, false);
+    drop(output);
+    assert!(File::open(&path).unwrap().group("run").unwrap().attr("choice").is_err());
+    let (_folder, file) = described(1, |_| ());
+    assert_eq!(run_text(&file, "choice"), CHOICE);
+}
+
+#[test]
+fn run_attributes_follow_the_last_frame_until_the_run_is_completed() {
+    let (_folder, path) = place();
+    let mut output = create(&path, true, "");
+    append(&mut output, 0, true);
+    append(&mut output, 1, true);
+    assert_eq!(output.transfer_report(), "serial");
+    drop(output);
+    let file = File::open(&path).unwrap();
+    assert_eq!(frames_in(&file), 2);
+    assert_eq!((run_count(&file, "steps_accepted"), run_count(&file, "forced_accepts")), (11, 61));
+    assert_eq!(run_count(&file, "completed"), 0);
+    let (_folder, file) = written(2, true, "");
+    assert_eq!((run_count(&file, "steps_accepted"), run_count(&file, "forced_accepts")), (12, 62));
+    assert_eq!((run_count(&file, "steps_rejected"), run_count(&file, "steps_outrun")), (22, 32));
+    assert_eq!((run_count(&file, "rhs_evaluations"), run_count(&file, "completed")), (42, 1));
+    assert_eq!((run_count(&file, "pair_evaluations"), run_count(&file, "lists_built")), (52, 72));
+    assert_eq!(run_real(&file, "wall_seconds"), 8.0);
+}
+
+#[test]
+fn run_describes_itself_in_utf8() {
+    let scene = "# Größe ω\nt_end = 1.0\n";
+    let (_folder, file) = written(0, false, scene);
+    assert_eq!(run_text(&file, "scene"), scene);
+    assert_eq!(run_text(&file, "version"), "0.1.0");
+    assert_eq!(run_text(&file, "commit"), "0123abc");
+    assert_eq!(run_text(&file, "method"), "merson");
+    assert_eq!(run_text(&file, "instruction_set"), "avx2+fma");
+    assert_eq!((run_count(&file, "ranks"), run_count(&file, "threads")), (1, 2));
+    assert_eq!(run_text(&file, "norm"), "paper");
+    for (name, value) in
+        [("tolerance", 0.1), ("velocity_scale", 0.75), ("contact_reach", 0.0462), ("mass", 1.5)]
+    {
+        assert_eq!(run_real(&file, name), value, "{name}");
+    }
+    assert!(!file.group("run").unwrap().link_exists("scene_text"));
+}
+
+#[test]
+fn long_scene_becomes_a_dataset_of_the_same_text() {
+    let scene = "# ω\n".repeat(15_000);
+    let (_folder, file) = written(0, false, &scene);
+    assert!(file.group("run").unwrap().attr("scene").is_err());
+    let text = dataset(&file, "run/scene_text");
+    let kind = text.dtype().unwrap().to_descriptor().unwrap();
+    assert_eq!(kind, TypeDescriptor::FixedUnicode(scene.len()));
+    assert!(text.is_scalar());
+    let path = file.filename();
+    drop((text, file));
+    // The crate reads no strings of a length known at run time only: look for the bytes in the file.
+    let bytes = std::fs::read(path).unwrap();
+    assert!(bytes.windows(scene.len()).any(|window| window == scene.as_bytes()));
+}
+
+#[test]
+fn file_without_frames_is_ready_for_a_reader() {
+    let (_folder, file) = written(0, true, "");
+    assert_eq!(frames_in(&file), 0);
+    assert_eq!(reals(&file, "VTKHDF/Steps/Values"), [0.0; 0]);
+    assert_eq!(reals(&file, "VTKHDF/Points"), [0.0; 0]);
+    assert_eq!(counts(&file, "VTKHDF/PointData/id"), [0, 1, 2]);
+}
+
+#[test]
+fn after_a_failed_write_the_file_is_not_touched_any_more() {
+    let (_folder, path) = place();
+    let mut output = create(&path, false, "");
+    append(&mut output, 0, false);
+    let why = output.guarded(|_| Err::<(), _>("the disk\n is gone".into())).unwrap_err();
+    assert_eq!(why.to_string(), format!("cannot write to {}: the disk is gone", path.display()));
+    let before = std::fs::read(&path).unwrap();
+    let rows = Rows { first: 0, column: &|_| panic!("nothing is to be written") };
+    assert!(output.append(&rows, &measures(1)).is_err());
+    assert_eq!(output.finish(&measures(1), CHOICE, None).unwrap_err().exit_code(), 4);
+    assert_eq!(std::fs::read(&path).unwrap(), before);
+}
+
+#[test]
+fn good_place_is_answered_with_its_absolute_path_and_nothing_is_created() {
+    let (_folder, path) = place();
+    assert_eq!(Output::check_place(&Solo, &path, false, 1000).unwrap(), path);
+    assert!(!path.exists());
+    let relative = Output::check_place(&Solo, Path::new("unlikely-to-exist.vtkhdf"), false, 0).unwrap();
+    assert_eq!(relative, std::env::current_dir().unwrap().join("unlikely-to-exist.vtkhdf"));
+}
+
+#[test]
+fn existing_file_is_replaced_only_by_force() {
+    let (_folder, path) = place();
+    std::fs::write(&path, "precious").unwrap();
+    let text = refusal(&path, false, 0);
+    assert!(text.starts_with(&format!("output.file = \"{}\"", path.display())), "{text}");
+    assert!(text.contains("the file exists") && text.contains("--force"), "{text}");
+    assert_eq!(Output::check_place(&Solo, &path, true, 0).unwrap(), path);
+    assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+}
+
+#[test]
+fn place_that_cannot_work_is_refused_with_what_would_be_right() {
+    let (folder, path) = place();
+    assert!(refusal(folder.path(), true, 0).contains("is a folder; name a file in it"));
+    assert!(refusal(Path::new("results/"), true, 0).contains("names a folder"));
+    assert!(refusal(Path::new(""), true, 0).contains("give the name of a file"));
+    assert!(refusal(&folder.path().join("no/run.vtkhdf"), false, 0).contains("create it first"));
+    assert!(refusal(Path::new("/dev/null"), true, 0).contains("not a regular file"));
+    std::fs::write(&path, "").unwrap();
+    assert!(refusal(&path.join("run.vtkhdf"), false, 0).contains("choose another place"));
+    let text = refusal(&path, true, 1 << 62);
+    assert!(text.contains("the run needs about 4194304.0 TiB") && text.contains("output.interval"), "{text}");
+}

@@ -1,0 +1,188 @@
+//! A run as its output file tells it: what every command that looks at a finished, stopped or killed run reads.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use hdf5::types::{TypeDescriptor, VarLenUnicode};
+
+use crate::error::Error;
+use crate::files::output::{self, Found};
+use crate::scene::Scene;
+
+/// The output file of a run, open for reading.
+#[derive(Debug)]
+pub struct RunFile {
+    path: PathBuf,
+    file: hdf5::File,
+    /// The scene as resolved.
+    pub scene: Scene,
+    /// Complete frames; at least one.
+    pub frames: u64,
+    /// Particles.
+    pub count: u64,
+    /// Whether the run came to its end.
+    pub completed: bool,
+}
+
+/// All particles at one time, by id.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// Number of the frame.
+    pub frame: u64,
+    /// Time, s.
+    pub time: f64,
+    /// Centres, m.
+    pub x: Vec<[f64; 3]>,
+    /// Velocities, m/s.
+    pub v: Vec<[f64; 3]>,
+    /// Angular velocities, 1/s, where particles have spins.
+    pub omega: Option<Vec<[f64; 3]>>,
+}
+
+/// Which frames a command is about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Which {
+    /// The last complete one.
+    #[default]
+    Last,
+    /// All complete ones.
+    All,
+    /// The one of this number, from 0 on.
+    Number(u64),
+}
+
+impl FromStr for Which {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "last" => Ok(Which::Last),
+            "all" => Ok(Which::All),
+            number => number
+                .parse()
+                .map(Which::Number)
+                .map_err(|_| "it must be last, all or the number of a frame".into()),
+        }
+    }
+}
+
+impl RunFile {
+    /// Opens the output file `path`.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        let unusable = |why: String| Error::Input(format!("{}: {why}", path.display()));
+        if !path.exists() {
+            return Err(unusable("there is no such file; it must be the output file of a run".into()));
+        }
+        let Found { scene, completed, frames, count, .. } = output::inspect(path).map_err(unusable)?;
+        if frames == 0 {
+            return Err(unusable("it holds no complete frame yet".into()));
+        }
+        let scene =
+            Scene::parse("", &scene, &[]).map_err(|why| unusable(format!("its scene is broken: {why}")))?;
+        let file = hdf5::File::open(path).map_err(|why| unusable(why.to_string()))?;
+        Ok(RunFile { path: path.to_path_buf(), file, scene, frames, count, completed })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Numbers of the frames that `which` names.
+    pub fn numbers(&self, which: Which) -> Result<Vec<u64>, Error> {
+        match which {
+            Which::Last => Ok(vec![self.frames - 1]),
+            Which::All => Ok((0..self.frames).collect()),
+            Which::Number(k) if k < self.frames => Ok(vec![k]),
+            Which::Number(k) => Err(self.unreadable(&format!(
+                "--frame {k}: the file holds the frames 0 to {}; last is the newest",
+                self.frames - 1
+            ))),
+        }
+    }
+
+    /// All particles in frame `k`, one of the complete ones.
+    pub fn state(&self, k: u64) -> Result<State, Error> {
+        let state = output::frame(&self.file, k, self.count).map_err(|why| self.unreadable(&why))?;
+        let time = self.series("time")?.get(k as usize).copied();
+        let time = time.ok_or_else(|| self.unreadable(&format!("frame {k} has no time")))?;
+        Ok(State {
+            frame: k,
+            time,
+            x: state.x,
+            v: state.v,
+            omega: self.scene.rotates().then_some(state.omega),
+        })
+    }
+
+    /// A column of `/run/series` that holds reals, a row for every complete frame.
+    pub fn series(&self, name: &str) -> Result<Vec<f64>, Error> {
+        self.column(name)
+    }
+
+    /// A column of `/run/series` that holds counts, a row for every complete frame.
+    pub fn counts(&self, name: &str) -> Result<Vec<i64>, Error> {
+        self.column(name)
+    }
+
+    /// What `/run` records beside the scene, by name: texts, counts, and reals in SI units.
+    pub fn facts(&self) -> Result<Vec<(String, String)>, Error> {
+        let read = || -> hdf5::Result<Vec<(String, String)>> {
+            let run = self.file.group("run")?;
+            let mut facts = Vec::new();
+            for name in run.attr_names()?.into_iter().filter(|name| name != "scene") {
+                let attribute = run.attr(&name)?;
+                let value = match attribute.dtype()?.to_descriptor()? {
+                    TypeDescriptor::Integer(_) => attribute.read_scalar::<i64>()?.to_string(),
+                    TypeDescriptor::Float(_) => attribute.read_scalar::<f64>()?.to_string(),
+                    _ => attribute.read_scalar::<VarLenUnicode>()?.to_string(),
+                };
+                facts.push((name, value));
+            }
+            Ok(facts)
+        };
+        read().map_err(|why| self.unreadable(&format!("what /run records cannot be read: {why}")))
+    }
+
+    fn column<T: hdf5::types::H5Type>(&self, name: &str) -> Result<Vec<T>, Error> {
+        let column =
+            self.file.dataset(&format!("run/series/{name}")).and_then(|column| column.read_raw::<T>());
+        let mut column =
+            column.map_err(|why| self.unreadable(&format!("its series {name} cannot be read: {why}")))?;
+        // A killed run may have one row more.
+        column.truncate(self.frames as usize);
+        Ok(column)
+    }
+
+    /// A mistake in the file or about it.
+    pub fn unreadable(&self, why: &str) -> Error {
+        Error::Input(format!("{}: {why}", self.path.display()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_named_by_number_or_as_the_last_or_all() {
+        assert_eq!("last".parse(), Ok(Which::Last));
+        assert_eq!("all".parse(), Ok(Which::All));
+        assert_eq!("17".parse(), Ok(Which::Number(17)));
+        for wrong in ["", "-1", "first", "1.5", "99999999999999999999"] {
+            assert!(wrong.parse::<Which>().unwrap_err().contains("last, all or the number"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_output_file_is_refused_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = RunFile::open(&folder.path().join("a.vtkhdf")).unwrap_err();
+        assert!(missing.to_string().contains("a.vtkhdf: there is no such file"), "{missing}");
+        let text = folder.path().join("b.vtkhdf");
+        std::fs::write(&text, "no HDF5").unwrap();
+        let foreign = RunFile::open(&text).unwrap_err();
+        assert!(foreign.to_string().contains("cannot be opened as an HDF5 file"), "{foreign}");
+        assert_eq!(foreign.exit_code(), 2);
+    }
+}

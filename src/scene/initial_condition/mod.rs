@@ -1,0 +1,217 @@
+//! The initial state: from a CSV file or from the paper's randomly perturbed grid, and whether it fits the walls.
+
+mod file;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::error::Error;
+use crate::math::digits::{short, triple};
+use crate::scene::walls::described_walls;
+use crate::scene::{Grid, Scene, cells_along, shown};
+pub(crate) use file::read_bytes;
+pub use file::read_csv;
+
+/// Initial state of all particles; row `k` is the particle of id `k`, all three lists have one length.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct InitialCondition {
+    /// Centres, m.
+    pub x: Vec<[f64; 3]>,
+    /// Velocities, m/s.
+    pub v: Vec<[f64; 3]>,
+    /// Angular velocities, 1/s.
+    pub omega: Vec<[f64; 3]>,
+}
+
+/// The randomly perturbed grid of Fig. 4.2a, at rest. Pure: the same on every rank. Cells fill along x, then y, then
+/// z; each centre is that of its cell plus three random shifts in `[0, jitter)`, drawn in id order. A box finite in
+/// x and y with room for a cell, and a seed, are what [`Scene::parse`] and [`Scene::set_seed_if_missing`] see to.
+pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
+    let sides = scene.container.r#box.clone().unwrap_or_default();
+    let cells = |axis: usize| cells_along(sides.max[axis] - sides.min[axis], grid.spacing).max(1);
+    let (nx, ny) = (cells(0), cells(1));
+    let layer = nx.saturating_mul(ny);
+    let corner = [sides.min[0], sides.min[1], grid.bottom];
+    let mut random = ChaCha8Rng::seed_from_u64(grid.seed.unwrap_or(0));
+    let x: Vec<_> = (0..grid.count)
+        .map(|k| {
+            let cell = [k % nx, (k / nx) % ny, k / layer];
+            std::array::from_fn(|axis| {
+                let centre = corner[axis] + (cell[axis] as f64 + 0.5) * grid.spacing;
+                centre + random.random::<f64>() * grid.jitter
+            })
+        })
+        .collect();
+    let still = vec![[0.0; 3]; x.len()];
+    InitialCondition { x, v: still.clone(), omega: still }
+}
+
+/// Checks what needs positions, for either source: all numbers are finite, spins are 0 without rotation, and every
+/// centre lies strictly inside all walls.
+pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
+    let walls = described_walls(&scene.container);
+    let rotates = scene.rotates();
+    for (id, ((x, v), omega)) in start.x.iter().zip(&start.v).zip(&start.omega).enumerate() {
+        let row = match scene.particles.file {
+            Some(_) => format!(" (row {} below the first line)", id + 1),
+            None => String::new(),
+        };
+        let wrong = |what: &str| Err(Error::Input(format!("{}: particle {id}{row} {what}", origin(scene))));
+        for (name, vector) in [("position", x), ("velocity", v), ("angular velocity", omega)] {
+            if !vector.iter().all(|number| number.is_finite()) {
+                return wrong(&format!("has the {name} {}: all numbers must be finite", triple(vector)));
+            }
+        }
+        if !rotates && *omega != [0.0; 3] {
+            return wrong(&format!("has the angular velocity {} 1/s, but {NO_ROTATION}", triple(omega)));
+        }
+        for (wall, name) in &walls {
+            let beyond = -wall.depth(&(*x).into());
+            if beyond >= 0.0 || beyond.is_nan() {
+                let how_far = match beyond {
+                    0.0 => "lies exactly on".to_owned(),
+                    _ => format!("lies {} m beyond", short(beyond)),
+                };
+                let hint = "every centre must be strictly inside all walls";
+                return wrong(&format!("at {} m {how_far} {}: {hint}", triple(x), name));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Why spins are refused, and what to do.
+const NO_ROTATION: &str = "this scene has no rotation: spins must be 0 or left out, or rotation switched on by \
+     [friction] with a coefficient > 0 and rotation = true";
+
+/// Where the initial state comes from, for messages.
+fn origin(scene: &Scene) -> String {
+    match &scene.particles.file {
+        Some(file) => shown(file),
+        None => "particles.grid".to_owned(),
+    }
+}
+
+/// The speed that errors of velocity are compared with in the scaled norm, m/s: `solver.velocity_scale`; else the speed
+/// of a fall from half a radius, sqrt(g r); without gravity the largest speed of a surface at the start; and where all
+/// is at rest the speed that a contact at F_0 gives, sqrt(F_0/(kappa m)).
+pub fn velocity_scale(scene: &Scene, start: &InitialCondition) -> f64 {
+    let r = scene.particles.radius;
+    let length = |vector: &[f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let speeds = start.v.iter().zip(&start.omega).map(|(v, omega)| length(v) + r * length(omega));
+    let contact = &scene.contact;
+    let candidates = [
+        (length(&scene.gravity) * r).sqrt(),
+        speeds.fold(0.0, f64::max),
+        (contact.repulsion_at_contact / (contact.stiffness_exponent * scene.particles.mass)).sqrt(),
+    ];
+    let found = candidates.into_iter().find(|&speed| speed > 0.0 && speed.is_finite());
+    scene.solver.velocity_scale.or(found).unwrap_or(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(sets: &[&str]) -> Scene {
+        let text = "t_end = 1
+            particles = { radius = 0.1, grid = {} }
+            contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
+                        dissipation_focusing = 10, interaction_distance = 0.1 }
+            container.box = {}";
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        let mut scene = Scene::parse("a.toml", text, &sets).unwrap();
+        scene.set_seed_if_missing(1);
+        scene
+    }
+
+    fn start(sets: &[&str]) -> InitialCondition {
+        let scene = scene(sets);
+        grid(&scene, scene.particles.grid.as_ref().unwrap())
+    }
+
+    #[test]
+    fn a_grid_without_jitter_fills_x_then_y_then_z() {
+        let still = start(&["particles.grid.jitter=0", "container.box.max=[0.75, 0.5, inf]"]);
+        assert_eq!(still.x.len(), 200);
+        assert_eq!(still.x[0], [0.125, 0.125, 1.225]);
+        assert_eq!(still.x[1], [0.375, 0.125, 1.225]);
+        assert_eq!(still.x[3], [0.125, 0.375, 1.225]);
+        assert_eq!(still.x[6], [0.125, 0.125, 1.475]);
+        assert_eq!((still.v.len(), still.omega.len()), (200, 200));
+    }
+
+    #[test]
+    fn shifts_depend_on_the_seed_and_stay_within_the_jitter() {
+        let (still, shifted) = (start(&["particles.grid.jitter=0"]), start(&[]));
+        assert_eq!(shifted, start(&["particles.grid.seed=1"]));
+        assert_ne!(shifted, start(&["particles.grid.seed=2"]));
+        let mut largest: f64 = 0.0;
+        for (a, b) in shifted.x.iter().flatten().zip(still.x.iter().flatten()) {
+            // Two roundings near 10 m.
+            assert!(a - b > -1e-14 && a - b < 0.025 + 1e-14, "{a} {b}");
+            largest = largest.max(a - b);
+        }
+        assert!(largest > 0.0245, "{largest}");
+    }
+
+    #[test]
+    fn a_seed_gives_the_same_start_for_ever() {
+        // Recorded from rand 0.10 and rand_chacha 0.10: another number would be another experiment.
+        let x = start(&[]).x;
+        assert_eq!([x[0], x[199]], PINNED);
+    }
+
+    const PINNED: [[f64; 3]; 2] = [
+        [0.1350621415916212, 0.12700959272324455, 1.2399140045233714],
+        [0.8968053362864743, 0.39265263194975125, 4.242303981082025],
+    ];
+
+    #[test]
+    fn a_side_a_rounding_error_short_of_whole_cells_still_holds_them() {
+        // 0.3 / 0.1 is 2.9999999999999996.
+        let x = start(&["particles.grid.spacing=0.1", "container.box.max=[0.3, 0.3, inf]"]).x;
+        assert!(x[2][1] < 0.2 && x[3][1] > 0.1, "{x:?}");
+    }
+
+    #[test]
+    fn layers_of_any_size_are_counted_without_overflow() {
+        let x = start(&["container.box.max=[1e300, 1e300, inf]"]).x;
+        assert_eq!(x.len(), 200);
+    }
+
+    #[test]
+    fn walls_are_numbered_and_only_finite_sides_count() {
+        let scene = scene(&["container.wall=[{ normal = [0, -3, -4] }]"]);
+        let walls = described_walls(&scene.container);
+        assert_eq!(walls.len(), 6);
+        assert!(walls[3].1.contains("y = 1 m"), "{}", walls[3].1);
+        assert!(walls[5].1.contains("container.wall[0]"));
+        // (0, -3, -4) has length 5.
+        assert!((walls[5].0.depth(&[9.0, 1.0, 1.0].into()) - 1.4).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_centre_outside_is_named_with_its_wall_and_distance() {
+        let scene = scene(&["container.wall=[{ normal = [0, 0, 1e200], point = [0, 0, 9] }]"]);
+        let mut start =
+            InitialCondition { x: vec![[0.5; 3]; 4], v: vec![[0.0; 3]; 4], omega: vec![[0.0; 3]; 4] };
+        assert_eq!(check(&scene, &start), Ok(()));
+        let message = |start: &InitialCondition| check(&scene, start).unwrap_err().to_string();
+        start.x[3] = [0.5, 1.25, 0.5];
+        assert_eq!(
+            message(&start),
+            "particles.grid: particle 3 at (0.5, 1.25, 0.5) m lies 0.25 m beyond the side y = 1 m of the box \
+             (container.box.max): every centre must be strictly inside all walls"
+        );
+        start.x[3] = [0.5, 0.5, 9.5];
+        assert!(message(&start).contains("lies 0.5 m beyond container.wall[0]"), "{}", message(&start));
+        start.x[3] = [0.5, 0.5, 0.0];
+        assert!(message(&start).contains("lies exactly on the side z = 0 m"), "{}", message(&start));
+        start.x[3] = [0.5, f64::NAN, 0.5];
+        assert!(message(&start).contains("must be finite"), "{}", message(&start));
+        start.x[3] = [0.5; 3];
+        start.omega[2] = [0.0, 0.0, 1.0];
+        assert!(message(&start).contains("this scene has no rotation"), "{}", message(&start));
+    }
+}

@@ -1,0 +1,60 @@
+//! The walls of a scene: planes of its box and of `container.wall`, each with words that a user recognises.
+
+use crate::math::digits::triple;
+use crate::math::vector::Vec3;
+use crate::model::wall::Wall;
+use crate::scene;
+
+/// The walls of a scene, each with words that a user recognises. Their order is also the order in which their forces
+/// are summed: finite sides of the box (min x, max x, min y, max y, min z, max z), then `container.wall`.
+pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
+    let mut walls = Vec::new();
+    if let Some(sides) = &container.r#box {
+        for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+            for (corner, position, sign) in [("min", sides.min[axis], -1.0), ("max", sides.max[axis], 1.0)] {
+                if position.is_finite() {
+                    let along = |length: f64| {
+                        let mut v = Vec3::zeros();
+                        v[axis] = length;
+                        v
+                    };
+                    let name =
+                        format!("the side {letter} = {position} m of the box (container.box.{corner})");
+                    walls.push((Wall::new(along(position), along(sign)), name));
+                }
+            }
+        }
+    }
+    walls.extend(container.wall.iter().enumerate().map(|(number, wall)| {
+        let name = format!(
+            "container.wall[{number}] (point {} m, outward normal {})",
+            triple(&wall.point),
+            triple(&wall.normal)
+        );
+        (Wall::new(wall.point.into(), wall.normal.into()), name)
+    }));
+    walls
+}
+
+/// The walls of a scene, in the same order.
+pub fn walls(container: &scene::Container) -> Vec<Wall> {
+    described_walls(container).into_iter().map(|(wall, _)| wall).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn open_sides_have_no_wall() {
+        let sides = scene::BoxSides { min: [0.0, 0.0, 0.0], max: [1.0, 2.0, f64::INFINITY] };
+        let wall = scene::WallPlane { point: [0.0, 0.0, 9.0], normal: [0.0, 1.0, 1.0] };
+        let container = scene::Container { r#box: Some(sides), wall: vec![wall] };
+        let walls = walls(&container);
+        assert_eq!(walls.len(), 6);
+        let centre = Vec3::new(0.25, 0.5, 0.75);
+        let depths: Vec<f64> = walls.iter().map(|w| w.depth(&centre)).collect();
+        assert_eq!(depths[..5], [0.25, 0.75, 0.5, 1.5, 0.75]);
+        assert!((depths[5] - (9.0 - 1.25) / 2f64.sqrt()).abs() < 1e-14);
+    }
+}

@@ -1,0 +1,282 @@
+//! Statistics of the bed over several initial states, and from which tolerance on they stop moving.
+
+use super::findings::{Findings, by_solver, measures};
+use super::impact::floors;
+use super::records::{Record, Solver, Statistic, Stepper, Study};
+use super::solvers::with_solver;
+use crate::beds::measures::bed::{bed_region, mean_coordination_number, union_volume_fraction};
+use crate::math::interval::{Interval, interval};
+use crate::scene::Scene;
+use crate::scene::initial_condition::InitialCondition;
+use crate::studies::job_pool::run::{FrameData, run, work_limit};
+use crate::studies::job_pool::{JobPool, Sample};
+
+/// Share of the bed that spheres fill.
+pub const VOLUME_FRACTION: &str = "volume fraction";
+/// Highest point of any sphere, m.
+pub const BED_HEIGHT: &str = "bed height (m)";
+/// Mean number of spheres that a sphere touches.
+pub const COORDINATION: &str = "coordination number";
+/// Largest overlap in any frame, m.
+pub const LARGEST_OVERLAP: &str = "largest overlap (m)";
+/// The statistics in the order of figures.
+pub const STATISTICS: [&str; 4] = [VOLUME_FRACTION, BED_HEIGHT, COORDINATION, LARGEST_OVERLAP];
+
+/// Frames of a run, at least.
+const FRAMES: f64 = 50.0;
+
+/// Why the scene has no bed, if it has none.
+pub fn no_bed(scene: &Scene, start: &InitialCondition) -> Option<&'static str> {
+    if start.x.len() < 2 {
+        return Some("ensemble: left out, because one sphere is no bed");
+    }
+    floors(scene).is_empty().then_some("ensemble: left out, because no wall lies below for a bed to rest on")
+}
+
+/// One solver on one initial state of one scene.
+pub struct Job<'a> {
+    /// The scene, whatever its solver.
+    pub scene: &'a Scene,
+    /// Value of a swept key.
+    pub variation: Option<&'a str>,
+    /// The solver.
+    pub solver: &'a Solver,
+    /// Seed of the start.
+    pub seed: Option<u64>,
+    /// Where the spheres are at t = 0.
+    pub start: &'a InitialCondition,
+}
+
+/// The bed at t = `until` (s) by every job. Collective.
+pub fn runs(pool: &JobPool, what: &str, jobs: &[Job], until: f64) -> Vec<Record> {
+    let samples = pool.run(what, jobs, |job| bed(job, until));
+    let record = |(job, sample): (&Job, &Sample)| Record {
+        study: Study::Ensemble,
+        variation: job.variation.map(str::to_owned),
+        solver: job.solver.clone(),
+        seed: job.seed,
+        work: sample.work,
+        measures: measures(std::array::from_fn::<_, 4, _>(|k| (STATISTICS[k], sample.number(k)))),
+        failure: sample.failure.clone(),
+    };
+    jobs.iter().zip(&samples).map(record).collect()
+}
+
+fn bed(job: &Job, until: f64) -> Sample {
+    let mut scene = with_solver(job.scene, job.solver);
+    let often = until / FRAMES;
+    scene.output.interval = Some(scene.output.interval.map_or(often, |interval| interval.min(often)));
+    (scene.t_end, scene.output.energy) = (until, false);
+    let (mut overlap, mut end) = (0.0f64, FrameData::default());
+    let sample = run(&scene, job.start, work_limit(job.start.x.len()), |frame| {
+        overlap = overlap.max(frame.largest_overlap);
+        if frame.time >= until {
+            end = frame.clone();
+        }
+    });
+    if sample.failure.is_some() {
+        return sample;
+    }
+    let r = scene.particles.radius;
+    let fraction = bed_region(&scene, &end.x)
+        .map_or(f64::NAN, |(low, high)| union_volume_fraction(&end.x, r, low, high));
+    let numbers = vec![fraction, end.bed_height, mean_coordination_number(&end.x, r), overlap];
+    Sample { numbers, ..sample }
+}
+
+/// The bed by every solver from every start at t = `until` (s). Collective.
+pub fn study(
+    pool: &JobPool,
+    scene: &Scene,
+    starts: &[(Option<u64>, InitialCondition)],
+    solvers: &[Solver],
+    until: f64,
+) -> Findings {
+    let job = |solver, (seed, start): &'_ (Option<u64>, InitialCondition)| (solver, *seed, start.clone());
+    let all: Vec<_> =
+        solvers.iter().flat_map(|solver| starts.iter().map(move |start| job(solver, start))).collect();
+    let jobs: Vec<Job> = (all.iter())
+        .map(|(solver, seed, start)| Job { scene, variation: None, solver, seed: *seed, start })
+        .collect();
+    let records = runs(pool, "ensemble", &jobs, until);
+    let best = most_accurate(solvers);
+    let statistics = statistics(&records, best);
+    let mut notes = Vec::new();
+    if starts.len() < 2 {
+        notes.push("ensemble: one initial state only, so that there are no intervals".to_owned());
+    }
+    if let Some(best) = best {
+        notes.push(format!(
+            "ensemble: beds at t = {until:.4} s from {} initial states; differences are to {}",
+            starts.len(),
+            best.label()
+        ));
+    }
+    if records.iter().all(|record| !record.measures.contains_key(VOLUME_FRACTION)) {
+        notes.push("ensemble: without a box closed on four sides there is no volume fraction".to_owned());
+    }
+    Findings { records, statistics, notes }
+}
+
+/// The solver that others are compared with: the published one if it is there, else the first with the smallest
+/// tolerance, else the one with the smallest step.
+fn most_accurate(solvers: &[Solver]) -> Option<&Solver> {
+    let tightness = |solver: &Solver| match (solver.method, solver.tolerance, solver.step) {
+        (Stepper::Published, ..) => (0, 0.0),
+        (_, Some(tolerance), _) => (1, tolerance),
+        (.., step) => (2, step.unwrap_or(f64::INFINITY)),
+    };
+    let order = |a: &&Solver, b: &&Solver| {
+        let ((a, x), (b, y)) = (tightness(a), tightness(b));
+        a.cmp(&b).then(x.total_cmp(&y))
+    };
+    solvers.iter().min_by(order)
+}
+
+/// Means of every statistic and solver, and differences to `best` on the same seeds. A failed run is a value that is
+/// not finite, which makes the interval infinite.
+pub fn statistics(records: &[Record], best: Option<&Solver>) -> Vec<Statistic> {
+    let groups = by_solver(records);
+    let mut list = Vec::new();
+    for measure in STATISTICS {
+        let value = |record: &Record| record.measures.get(measure).copied().unwrap_or(f64::NAN);
+        for group in &groups {
+            let values: Vec<f64> = group.iter().map(|record| value(record)).collect();
+            let Some(mean) = interval(&values) else { continue };
+            let (solver, variation) = (&group[0].solver, &group[0].variation);
+            let partner = |other: &&Vec<&Record>| {
+                Some(&other[0].solver) == best
+                    && other[0].variation == *variation
+                    && *solver != other[0].solver
+            };
+            let paired = groups.iter().find(partner).and_then(|other| {
+                let same = |record: &Record| other.iter().find(|partner| partner.seed == record.seed);
+                let difference =
+                    |record: &&Record| value(record) - same(record).map_or(f64::NAN, |r| value(r));
+                interval(&group.iter().map(difference).collect::<Vec<_>>())
+            });
+            let (solver, variation, measure) = (solver.clone(), variation.clone(), measure.to_owned());
+            list.push(Statistic { variation, solver, measure, interval: mean, paired });
+        }
+    }
+    list
+}
+
+/// The loosest tolerance of `method` from which on no statistic moves: at it and at every tighter one, every interval
+/// of the difference to the most accurate solver contains 0 and is narrow, or lies within what a user would call the
+/// same, for spheres of radius `r` (m).
+pub fn still_from(statistics: &[Statistic], method: Stepper, r: f64) -> Option<f64> {
+    let mut tolerances: Vec<f64> = (statistics.iter())
+        .filter(|statistic| statistic.solver.method == method)
+        .filter_map(|statistic| statistic.solver.tolerance)
+        .collect();
+    tolerances.sort_by(f64::total_cmp);
+    tolerances.dedup();
+    let still = |tolerance: &f64| {
+        let of = |s: &&Statistic| s.solver.method == method && s.solver.tolerance == Some(*tolerance);
+        statistics.iter().filter(of).all(|s| match s.paired {
+            Some(paired) => same(&paired, &s.measure, r),
+            // The most accurate solver itself, if all of its runs were sound.
+            None => s.interval.half_width.is_finite(),
+        })
+    };
+    tolerances.into_iter().take_while(still).last()
+}
+
+/// Whether a difference is none that a user would see.
+fn same(paired: &Interval, measure: &str, r: f64) -> bool {
+    // What would be seen, and the half-width of an interval that could hide it.
+    let (seen, blind) = match measure {
+        VOLUME_FRACTION => (0.004, 0.006),
+        BED_HEIGHT => (0.02 * r, 0.04 * r),
+        COORDINATION => (0.1, 0.15),
+        _ => (0.05 * r, 0.1 * r),
+    };
+    let (mean, half) = (paired.mean.abs(), paired.half_width);
+    mean + half <= seen || (mean <= half && half <= blind)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ode::MethodName;
+
+    const AUTO: Stepper = Stepper::Method(MethodName::Auto);
+    use crate::domain::Solo;
+    use crate::studies::accuracy::records::Work;
+    use crate::studies::accuracy::solvers::adaptive;
+    use crate::studies::accuracy::testing::scene;
+
+    fn record(tolerance: f64, seed: u64, fraction: Option<f64>) -> Record {
+        Record {
+            study: Study::Ensemble,
+            variation: None,
+            solver: adaptive(MethodName::Auto, tolerance),
+            seed: Some(seed),
+            work: Work::default(),
+            measures: fraction.map(|f| (VOLUME_FRACTION.to_owned(), f)).into_iter().collect(),
+            failure: fraction.is_none().then(|| "failed".to_owned()),
+        }
+    }
+
+    /// Fractions by tolerance over the seeds 1 to 3.
+    fn statistics_of(lists: &[(f64, [Option<f64>; 3])]) -> Vec<Statistic> {
+        let records: Vec<Record> = (lists.iter())
+            .flat_map(|&(tolerance, list)| (1..).zip(list).map(move |(seed, f)| record(tolerance, seed, f)))
+            .collect();
+        let solvers: Vec<Solver> =
+            lists.iter().map(|&(tolerance, _)| adaptive(MethodName::Auto, tolerance)).collect();
+        statistics(&records, most_accurate(&solvers))
+    }
+
+    #[test]
+    fn differences_are_between_runs_of_one_seed() {
+        let found = statistics_of(&[
+            (1e-1, [Some(0.61), Some(0.71), Some(0.66)]),
+            (1e-3, [Some(0.60), Some(0.70), Some(0.65)]),
+        ]);
+        let paired = found[0].paired.unwrap();
+        // The seeds differ by 0.1, the differences not at all; rounding of some 1e-17.
+        assert!((paired.mean - 0.01).abs() < 1e-15 && paired.half_width < 1e-15, "{paired:?}");
+        assert!(found[0].interval.half_width > 0.05);
+        assert_eq!(found[1].paired, None);
+    }
+
+    #[test]
+    fn a_statistic_is_still_from_the_loosest_tolerance_of_an_unbroken_row() {
+        let base = [0.60, 0.70, 0.65];
+        let moved = |by: [f64; 3]| [0, 1, 2].map(|k| Some(base[k] + by[k]));
+        let (still, noisy, biased) = ([0.001; 3], [0.002, -0.002, 0.0], [0.01; 3]);
+        let rows = |a, b, c| {
+            statistics_of(&[(1e-1, moved(a)), (1e-2, moved(b)), (1e-3, moved(c)), (1e-4, moved([0.0; 3]))])
+        };
+        assert_eq!(still_from(&rows(biased, still, noisy), AUTO, 0.1), Some(1e-2));
+        assert_eq!(still_from(&rows(still, noisy, still), AUTO, 0.1), Some(1e-1));
+        // A wide interval hides anything.
+        assert_eq!(still_from(&rows(still, [0.1, -0.1, 0.0], still), AUTO, 0.1), Some(1e-3));
+        // An interval that contains 0 by chance beyond one that does not shows nothing.
+        assert_eq!(still_from(&rows(noisy, biased, still), AUTO, 0.1), Some(1e-3));
+        assert_eq!(still_from(&rows(still, still, still), Stepper::Method(MethodName::Merson), 0.1), None);
+        let failed = statistics_of(&[(1e-1, [Some(0.6), Some(0.7), None]), (1e-4, moved([0.0; 3]))]);
+        assert_eq!(still_from(&failed, AUTO, 0.1), Some(1e-4));
+    }
+
+    #[test]
+    fn a_bed_needs_several_spheres_and_a_floor() {
+        let (mut scene, start) = scene();
+        assert_eq!(no_bed(&scene, &start), None);
+        let one = InitialCondition { x: vec![[0.2; 3]], v: vec![[0.0; 3]], omega: vec![[0.0; 3]] };
+        assert!(no_bed(&scene, &one).unwrap().contains("one sphere"));
+        scene.gravity = [0.0; 3];
+        assert!(no_bed(&scene, &start).unwrap().contains("no wall"));
+    }
+
+    #[test]
+    fn a_run_gives_all_statistics() {
+        let (scene, start) = scene();
+        let pool = JobPool { comm: &Solo, threads: 1, quiet: true };
+        let found = study(&pool, &scene, &[(Some(1), start)], &[adaptive(MethodName::Auto, 1e-2)], 0.5);
+        assert_eq!(found.records[0].measures.len(), 4, "{:?}", found.records);
+        assert!(found.statistics.iter().all(|statistic| statistic.interval.half_width.is_infinite()));
+    }
+}

@@ -1,0 +1,270 @@
+//! The figures of a comparison.
+
+use super::energy::{Energies, measure};
+use super::ensemble::STATISTICS;
+use super::findings::medians;
+use super::impact::{REBOUND_ERROR, REBOUND_TIME, RESTITUTION, RESTITUTION_ERROR};
+use super::records::{Record, Statistic, Study};
+use super::reference::Separation;
+use super::state::POSITION_ERROR;
+use super::sweep::{BEYOND_E, LATER};
+use crate::beds::plot::{Across, Bar, Curve, Group, Line, Panel, Point, ensemble, series, work_precision};
+use crate::error::Error;
+use crate::math::digits::scientific;
+use crate::math::interval::Interval;
+use crate::scene::Scene;
+use std::path::{Path, PathBuf};
+
+/// What the figures show.
+pub struct Shown<'a> {
+    /// Name of the scene, for titles.
+    pub name: &'a str,
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Runs of the studies.
+    pub records: &'a [Record],
+    /// Means of the ensemble.
+    pub statistics: &'a [Statistic],
+    /// How the reference and its twin part, and the time of the comparison (s).
+    pub separation: Option<(&'a Separation, f64)>,
+    /// Energies of an accurate run.
+    pub energies: Option<&'a Energies>,
+    /// Runs of the sweep.
+    pub sweep: &'a [Record],
+    /// Means of the sweep.
+    pub sweep_statistics: &'a [Statistic],
+}
+
+impl Shown<'_> {
+    /// Draws all figures that there is something for into `folder`; their names.
+    pub fn draw(&self, folder: &Path) -> Result<Vec<String>, Error> {
+        let mut drawn = Vec::new();
+        let mut file = |name: &str| -> PathBuf {
+            drawn.push(name.to_owned());
+            folder.join(name)
+        };
+        let name = self.name;
+        let curves = [
+            (
+                "impact.svg",
+                Study::Impact,
+                REBOUND_ERROR,
+                "rebound time of one impact",
+                "relative error of the rebound time",
+            ),
+            (
+                "restitution.svg",
+                Study::Impact,
+                RESTITUTION_ERROR,
+                "restitution of one impact",
+                "relative error of the restitution",
+            ),
+            (
+                "state.svg",
+                Study::State,
+                POSITION_ERROR,
+                "state",
+                "largest position error (m), median over seeds",
+            ),
+            ("energy.svg", Study::Energy, measure(self.scene), "energy", ENERGY_LABEL),
+        ];
+        for (svg, study, measure, what, label) in curves {
+            let of_study = self.records.iter().filter(|record| record.study == study);
+            let runs = medians(of_study);
+            if runs.iter().any(|run| run.measures.contains_key(measure)) {
+                let at = match (study, self.separation) {
+                    (Study::State, Some((_, time))) => format!(" at t = {time:.4} s"),
+                    _ => String::new(),
+                };
+                let title = format!("{name}: {what}{at}, work for accuracy");
+                work_precision(&file(svg), &title, label, &curves_of(&runs, measure))?;
+            }
+        }
+        if let Some((separation, _)) = self.separation.filter(|(separation, _)| separation.points.len() > 1) {
+            let lines = separation_lines(separation);
+            let title = format!("{name}: how a shift of 1e-9 radii grows");
+            series(&file("separation.svg"), &title, "time (s)", "largest distance (m)", true, &lines)?;
+        }
+        if let Some(energies) = self.energies.filter(|energies| !energies.lines.is_empty()) {
+            let title = format!("{name}: where the energy is");
+            series(&file("energies.svg"), &title, "time (s)", "energy (J)", false, &energies.lines)?;
+        }
+        let panels = ensemble_panels(self.statistics);
+        if !panels.is_empty() {
+            ensemble(&file("ensemble.svg"), &format!("{name}: statistics over initial states"), &panels)?;
+        }
+        let panels = sweep_panels(self.sweep, self.sweep_statistics);
+        if !panels.is_empty() {
+            let title = format!("{name}: what the model's parameter changes (not the solver)");
+            ensemble(&file("sweep.svg"), &title, &panels)?;
+        }
+        Ok(drawn)
+    }
+}
+
+const ENERGY_LABEL: &str = "error of the energy over the largest kinetic energy";
+
+/// One curve a method, of runs in the order from loose to tight.
+fn curves_of(runs: &[Record], measure: &str) -> Vec<Curve> {
+    let mut curves: Vec<Curve> = Vec::new();
+    for run in runs {
+        let name = run.solver.method.name();
+        let point = Point {
+            label: match (run.solver.tolerance, run.solver.step) {
+                (Some(tolerance), _) => scientific(tolerance, 1),
+                (None, step) => format!("{} s", scientific(step.unwrap_or(f64::NAN), 1)),
+            },
+            error: run.measures.get(measure).copied().unwrap_or(f64::NAN),
+            rhs: run.work.rhs_evaluations as f64,
+            core_seconds: run.work.core_seconds,
+            failed: run.failure.is_some(),
+        };
+        match curves.iter_mut().find(|curve| curve.name == name) {
+            Some(curve) => curve.points.push(point),
+            None => curves.push(Curve { name: name.to_owned(), points: vec![point] }),
+        }
+    }
+    curves
+}
+
+fn separation_lines(separation: &Separation) -> Vec<Line> {
+    let points = separation.points.clone();
+    let limit = 1000.0 * points[0].1;
+    let ends = [points[0].0, points[points.len() - 1].0];
+    vec![
+        Line { name: "reference and twin".to_owned(), points },
+        Line { name: "1000 times the shift".to_owned(), points: ends.map(|t| (t, limit)).to_vec() },
+    ]
+}
+
+/// Two panels a statistic, tolerance across: its mean, and the difference to the most accurate solver, from which
+/// the differences between seeds are gone. Fixed steps have no place there.
+fn ensemble_panels(statistics: &[Statistic]) -> Vec<Panel> {
+    let panel = |name: &str, title: String, of: fn(&Statistic) -> Option<Interval>| {
+        let mut groups: Vec<Group> = Vec::new();
+        for s in statistics.iter().filter(|s| s.measure == name) {
+            let (Some(x), Some(interval)) = (s.solver.tolerance, of(s)) else { continue };
+            add(&mut groups, s.solver.method.name(), Bar { x, interval });
+        }
+        let x_label = "tolerance".to_owned();
+        Panel { name: title, x_label, across: Across::Logarithmic, log_y: false, groups }
+    };
+    let best = statistics.iter().find(|s| s.paired.is_none()).map_or(String::new(), |s| s.solver.label());
+    let both = |&name: &&str| {
+        let difference = format!("{name}: difference to {best}");
+        [panel(name, name.to_owned(), |s| Some(s.interval)), panel(name, difference, |s| s.paired)]
+    };
+    STATISTICS.iter().flat_map(both).filter(|panel| !panel.groups.is_empty()).collect()
+}
+
+fn add(groups: &mut Vec<Group>, name: &str, bar: Bar) {
+    match groups.iter_mut().find(|group| group.name == name) {
+        Some(group) => group.bars.push(bar),
+        None => groups.push(Group { name: name.to_owned(), bars: vec![bar] }),
+    }
+}
+
+/// One panel a measure of the impact or statistic of the bed, values of the key across.
+fn sweep_panels(records: &[Record], statistics: &[Statistic]) -> Vec<Panel> {
+    let mut names: Vec<&str> = Vec::new();
+    for variation in records.iter().filter_map(|record| record.variation.as_deref()) {
+        if !names.contains(&variation) {
+            names.push(variation);
+        }
+    }
+    let key = names.first().and_then(|name| name.split_once('=')).map_or("", |(key, _)| key);
+    let values: Vec<String> =
+        names.iter().map(|name| name.split_once('=').map_or(*name, |(_, value)| value).to_owned()).collect();
+    let numbers: Option<Vec<f64>> = values.iter().map(|value| value.parse().ok()).collect();
+    let across = match &numbers {
+        None => Across::Named(values),
+        Some(numbers) => {
+            let (low, high) = (
+                numbers.iter().copied().fold(f64::INFINITY, f64::min),
+                numbers.iter().copied().fold(0.0, f64::max),
+            );
+            if low > 0.0 && high > 8.0 * low { Across::Logarithmic } else { Across::Linear }
+        }
+    };
+    let place = |variation: &Option<String>| {
+        let at = names.iter().position(|name| Some(*name) == variation.as_deref())?;
+        Some(numbers.as_ref().map_or(at as f64, |numbers| numbers[at]))
+    };
+    let panel = |name: &str, groups: Vec<Group>| Panel {
+        name: name.to_owned(),
+        x_label: key.to_owned(),
+        across: across.clone(),
+        log_y: false,
+        groups,
+    };
+    let mut panels = Vec::new();
+    for measure in [REBOUND_TIME, LATER, RESTITUTION, BEYOND_E] {
+        let mut groups = Vec::new();
+        for record in records.iter().filter(|record| record.study == Study::Impact) {
+            let (Some(x), Some(&mean)) = (place(&record.variation), record.measures.get(measure)) else {
+                continue;
+            };
+            // One run, and no chance in it.
+            add(&mut groups, "impact", Bar { x, interval: Interval { mean, half_width: 0.0, count: 1 } });
+        }
+        panels.push(panel(measure, groups));
+    }
+    for measure in STATISTICS {
+        let mut groups = Vec::new();
+        for s in statistics.iter().filter(|s| s.measure == measure) {
+            let Some(x) = place(&s.variation) else { continue };
+            add(&mut groups, "bed", Bar { x, interval: s.interval });
+        }
+        panels.push(panel(measure, groups));
+    }
+    panels.into_iter().filter(|panel| !panel.groups.is_empty()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ode::MethodName;
+    use crate::studies::accuracy::records::{Solver, Work};
+    use crate::studies::accuracy::solvers::adaptive;
+
+    fn record(solver: Solver, variation: Option<&str>, measure: &str, value: Option<f64>) -> Record {
+        Record {
+            study: Study::Impact,
+            variation: variation.map(str::to_owned),
+            solver,
+            seed: None,
+            work: Work::default(),
+            measures: value.map(|value| (measure.to_owned(), value)).into_iter().collect(),
+            failure: value.is_none().then(|| "failed".to_owned()),
+        }
+    }
+
+    #[test]
+    fn a_curve_has_the_runs_of_a_method_and_keeps_the_failed_ones() {
+        let runs = [
+            record(adaptive(MethodName::Merson, 1e-1), None, REBOUND_ERROR, None),
+            record(adaptive(MethodName::Auto, 1e-1), None, REBOUND_ERROR, Some(0.1)),
+            record(adaptive(MethodName::Merson, 1e-2), None, REBOUND_ERROR, Some(0.2)),
+        ];
+        let curves = curves_of(&runs, REBOUND_ERROR);
+        assert_eq!((curves[0].name.as_str(), curves[0].points.len()), ("merson", 2));
+        assert!(curves[0].points[0].failed && curves[0].points[0].error.is_nan());
+        assert_eq!((curves[0].points[1].label.as_str(), curves[0].points[1].error), ("1e-2", 0.2));
+    }
+
+    #[test]
+    fn a_sweep_of_numbers_has_a_scale_and_one_of_words_has_names() {
+        let panels = |variations: [&str; 2]| {
+            let runs = variations
+                .map(|v| record(adaptive(MethodName::Merson, 1e-9), Some(v), REBOUND_TIME, Some(3.6)));
+            sweep_panels(&runs, &[])
+        };
+        let numbers = panels(["contact.stiffness_exponent=30", "contact.stiffness_exponent=500"]);
+        assert_eq!(numbers.len(), 1);
+        assert!(matches!(numbers[0].across, Across::Logarithmic));
+        assert_eq!(numbers[0].groups[0].bars[1].x, 500.0);
+        let words = panels(["friction.rotation=true", "friction.rotation=false"]);
+        assert!(matches!(&words[0].across, Across::Named(names) if names[1] == "false"));
+        assert_eq!(words[0].groups[0].bars[1].x, 1.0);
+    }
+}

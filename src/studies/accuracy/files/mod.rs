@@ -1,0 +1,188 @@
+//! The files of a comparison: one CSV row a run, and JSON with everything that was found.
+
+mod table;
+
+use super::records::{Record, Statistic};
+use crate::beds::folder::cannot_write;
+use crate::error::Error;
+use serde::Serialize;
+use std::collections::BTreeSet;
+use std::path::Path;
+pub use table::table;
+
+/// All that one comparison found.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Text of the scene.
+    pub scene: String,
+    /// Version of the program, with its commit.
+    pub version: String,
+    /// Every run.
+    pub records: Vec<Record>,
+    /// Means over the seeds.
+    pub statistics: Vec<Statistic>,
+    /// Time after which trajectories of different solvers have nothing in common, s; none if it was not reached.
+    pub decorrelation_time: Option<f64>,
+    /// The solver to use, and why.
+    pub recommendation: String,
+    /// What a reader must know to judge the numbers.
+    pub notes: Vec<String>,
+}
+
+/// Columns before the measures.
+const ASKED_AND_COST: [&str; 11] = [
+    "study",
+    "variation",
+    "method",
+    "tolerance",
+    "step",
+    "seed",
+    "rhs_evaluations",
+    "pair_evaluations",
+    "steps_accepted",
+    "steps_rejected",
+    "core_seconds",
+];
+
+/// Writes one row a run: what was asked, what it cost, a column for every measure of any run (empty where a run has
+/// none), and last the failure. Numbers read back as the same doubles.
+pub fn write_csv(path: &Path, records: &[Record]) -> Result<(), Error> {
+    let measures: BTreeSet<&str> =
+        records.iter().flat_map(|record| record.measures.keys().map(String::as_str)).collect();
+    let mut writer = csv::Writer::from_path(path).map_err(|why| cannot_write(path, why))?;
+    let head = ASKED_AND_COST.into_iter().chain(measures.iter().copied()).chain(["failure"]);
+    writer.write_record(head).map_err(|why| cannot_write(path, why))?;
+    for record in records {
+        writer.write_record(row(record, &measures)).map_err(|why| cannot_write(path, why))?;
+    }
+    writer.flush().map_err(|why| cannot_write(path, why))
+}
+
+fn row(record: &Record, measures: &BTreeSet<&str>) -> Vec<String> {
+    let Record { study, variation, solver, seed, work, .. } = record;
+    let mut row = vec![
+        study.name().to_owned(),
+        variation.clone().unwrap_or_default(),
+        solver.method.to_string(),
+        number(solver.tolerance),
+        number(solver.step),
+        seed.map(|seed| seed.to_string()).unwrap_or_default(),
+        work.rhs_evaluations.to_string(),
+        work.pair_evaluations.to_string(),
+        work.steps_accepted.to_string(),
+        work.steps_rejected.to_string(),
+        number(Some(work.core_seconds)),
+    ];
+    row.extend(measures.iter().map(|&name| number(record.measures.get(name).copied())));
+    row.push(record.failure.clone().unwrap_or_default());
+    row
+}
+
+/// The fewest digits that read back as the same double; nothing for none.
+fn number(value: Option<f64>) -> String {
+    value.map(|value| format!("{value:?}")).unwrap_or_default()
+}
+
+/// Writes the report. JSON knows no infinity and no NaN: both become null.
+pub fn write_json(path: &Path, report: &Report) -> Result<(), Error> {
+    let mut text = serde_json::to_string_pretty(report).map_err(|why| cannot_write(path, why))?;
+    text.push('\n');
+    std::fs::write(path, text).map_err(|why| cannot_write(path, why))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::interval::Interval;
+    use crate::ode::MethodName;
+    use crate::studies::accuracy::records::{Solver, Stepper, Study, Work};
+
+    fn record(method: MethodName, measures: &[(&str, f64)], failure: Option<&str>) -> Record {
+        Record {
+            study: Study::Impact,
+            variation: None,
+            solver: Solver { method: Stepper::Method(method), tolerance: Some(1e-3), step: None },
+            seed: Some(7),
+            work: Work { rhs_evaluations: 1234, core_seconds: 0.1 + 0.2, ..Work::default() },
+            measures: measures.iter().map(|&(name, value)| (name.to_owned(), value)).collect(),
+            failure: failure.map(str::to_owned),
+        }
+    }
+
+    #[test]
+    fn a_csv_row_reads_back_as_the_run_it_came_from() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("runs.csv");
+        let why = "no step, \"h\" too small\nat t = 0.1 s";
+        let tiny = f64::MIN_POSITIVE / 3.0;
+        let records = [
+            record(MethodName::Merson, &[("b (m)", tiny), ("a", f64::INFINITY)], None),
+            record(MethodName::Auto, &[("c", 1.0)], Some(why)),
+        ];
+        write_csv(&path, &records).unwrap();
+
+        let mut reader = csv::Reader::from_path(&path).unwrap();
+        let head: Vec<String> = reader.headers().unwrap().iter().map(str::to_owned).collect();
+        assert_eq!(head[..11], ASKED_AND_COST);
+        assert_eq!(head[11..], ["a", "b (m)", "c", "failure"]);
+        let rows: Vec<csv::StringRecord> = reader.records().map(|row| row.unwrap()).collect();
+        assert_eq!(rows.len(), 2);
+        assert_eq!((&rows[0][2], &rows[0][4], &rows[0][5], &rows[0][6]), ("merson", "", "7", "1234"));
+        assert_eq!(rows[0][10].parse::<f64>().unwrap(), 0.1 + 0.2);
+        assert_eq!(rows[0][11].parse::<f64>().unwrap(), f64::INFINITY);
+        assert_eq!(rows[0][12].parse::<f64>().unwrap(), tiny);
+        assert_eq!((&rows[0][13], &rows[0][14]), ("", ""));
+        assert_eq!((&rows[1][11], &rows[1][13], &rows[1][14]), ("", "1.0", why));
+    }
+
+    #[test]
+    fn no_run_gives_a_csv_file_with_its_first_line_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("runs.csv");
+        write_csv(&path, &[]).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap().lines().count(), 1);
+    }
+
+    #[test]
+    fn infinities_become_null_in_json() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("report.json");
+        let solver =
+            Solver { method: Stepper::Method(MethodName::Merson), tolerance: Some(1e-3), step: None };
+        let one_run = Interval { mean: 0.5, half_width: f64::INFINITY, count: 1 };
+        let report = Report {
+            scene: "[time]\nend = 1.0\n".to_owned(),
+            version: "0.1.0".to_owned(),
+            records: vec![record(MethodName::Merson, &[("error", f64::NAN)], None)],
+            statistics: vec![Statistic {
+                variation: None,
+                solver,
+                measure: "height (m)".to_owned(),
+                interval: one_run,
+                paired: None,
+            }],
+            decorrelation_time: Some(f64::INFINITY),
+            recommendation: "merson 1e-3".to_owned(),
+            notes: vec!["one run".to_owned()],
+        };
+        write_json(&path, &report).unwrap();
+
+        let read: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+        assert_eq!(read["records"][0]["study"], "impact");
+        assert_eq!(read["records"][0]["work"]["core_seconds"].as_f64(), Some(0.1 + 0.2));
+        assert!(read["records"][0]["measures"]["error"].is_null());
+        assert!(read["statistics"][0]["interval"]["half_width"].is_null());
+        assert_eq!(read["statistics"][0]["interval"]["count"], 1);
+        assert!(read["decorrelation_time"].is_null());
+        assert_eq!(read["scene"], report.scene);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("missing").join("runs.csv");
+        let error = write_csv(&path, &[]).unwrap_err();
+        assert_eq!(error.exit_code(), 4);
+        assert!(error.to_string().contains("runs.csv"), "{error}");
+    }
+}

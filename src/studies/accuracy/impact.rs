@@ -1,0 +1,243 @@
+//! One impact: a sphere of the scene falls onto a floor, and is thrown at it without gravity; both have exact answers.
+
+use super::exact::Impact;
+use super::findings::{Findings, measures};
+use super::records::{Record, Solver, Study};
+use super::solvers::{gravity, with_solver};
+use crate::math::vector::Vec3;
+use crate::scene::initial_condition::{InitialCondition, velocity_scale};
+use crate::scene::{Container, Scene, WallPlane};
+use crate::studies::job_pool::run::{run, work_limit};
+use crate::studies::job_pool::{JobPool, Sample};
+
+/// Relative error of the time to the next highest point.
+pub const REBOUND_ERROR: &str = "error of rebound time";
+/// Relative error of the restitution.
+pub const RESTITUTION_ERROR: &str = "error of restitution";
+/// Relative error of the time within reach of the floor.
+const CONTACT_ERROR: &str = "error of contact time";
+/// Time to the next highest point, s.
+pub const REBOUND_TIME: &str = "rebound time (s)";
+/// Speed of separation over speed of approach.
+pub const RESTITUTION: &str = "restitution";
+
+/// Frames of each of the two runs: how often the work is compared with its limit. Few, because a frame between two steps
+/// costs some methods right-hand sides.
+const FRAMES: f64 = 4.0;
+/// Height of the fall where the scene suggests none, m.
+const HEIGHT: f64 = 1.0;
+
+/// The impact that belongs to a scene, and its exact answers.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// Gap at the release, m.
+    pub height: f64,
+    /// Gravity, m/s^2.
+    pub g: f64,
+    /// Speed of the throw without gravity, m/s: that of the fall within reach of the floor.
+    speed: f64,
+    law: Impact,
+    /// Time to the next highest point, s; none without gravity and where the sphere creeps to rest.
+    pub rebound_time: Option<f64>,
+    /// Speed of separation over speed of approach in the throw.
+    pub restitution: f64,
+    /// Time within reach of the floor in the throw, s.
+    contact_time: f64,
+    scene: Scene,
+}
+
+impl Setup {
+    /// The fall from the highest starting centre of the scene onto its lowest floor, of one sphere without friction.
+    pub fn of(scene: &Scene, start: &InitialCondition) -> Setup {
+        let (r, g) = (scene.particles.radius, gravity(scene));
+        let contact = &scene.contact;
+        let law = Impact {
+            mass: scene.particles.mass,
+            f_0: contact.repulsion_at_contact,
+            kappa: contact.stiffness_exponent,
+            e: contact.restitution,
+            psi: contact.dissipation_focusing,
+            l_max: contact.interaction_distance,
+        };
+        let height = fall_height(scene, start).map_or(HEIGHT, |centre| centre - r);
+        let height = if height > 0.0 { height } else { HEIGHT };
+        let scale = velocity_scale(scene, start);
+        let fall = (2.0 * g * (height - law.l_max).max(0.0)).sqrt();
+        let speed = if fall > 0.0 { fall } else { scale };
+        let rebound_time = Some(law.rebound_time(height, g)).filter(|time| g > 0.0 && time.is_finite());
+        let mut alone = scene.clone();
+        alone.friction = None;
+        alone.container = Container { r#box: None, wall: vec![WallPlane::default()] };
+        alone.gravity = [0.0, 0.0, -g];
+        alone.output.energy = false;
+        // Errors count as much as in the scene itself.
+        alone.solver.velocity_scale = Some(scale);
+        Setup {
+            height,
+            g,
+            speed,
+            law,
+            rebound_time,
+            restitution: law.restitution(speed),
+            contact_time: law.contact_time(speed, law.l_max).0,
+            scene: alone,
+        }
+    }
+
+    /// Time to the next highest point and restitution by `solver`; NaN where there is none.
+    pub fn simulate(&self, solver: &Solver) -> Sample {
+        let scene = with_solver(&self.scene, solver);
+        let mut sample = self.throw(scene.clone());
+        if let (Some(time), None) = (self.rebound_time, &sample.failure) {
+            let fall = self.fall(scene, time);
+            let (work, more) = (&mut sample.work, fall.work);
+            work.rhs_evaluations += more.rhs_evaluations;
+            work.pair_evaluations += more.pair_evaluations;
+            work.steps_accepted += more.steps_accepted;
+            work.steps_rejected += more.steps_rejected;
+            sample.failure = fall.failure;
+            sample.numbers.extend(fall.numbers);
+        }
+        sample
+    }
+
+    /// Without gravity from one l_max beyond the reach of the floor, and as far again after the exact time of the contact.
+    fn throw(&self, mut scene: Scene) -> Sample {
+        let reach = self.law.l_max;
+        scene.gravity = [0.0; 3];
+        let out = self.restitution * self.speed;
+        scene.t_end = reach / self.speed + self.contact_time + reach / out;
+        let (mut sample, gap, v) = self.end(scene, 2.0 * reach, -self.speed);
+        if sample.failure.is_none() {
+            let t_end = reach / self.speed + self.contact_time + reach / out;
+            let contact = t_end - (gap - reach) / v - reach / self.speed;
+            sample.numbers = vec![v / self.speed, contact];
+        }
+        sample
+    }
+
+    /// From rest to the exact time of the next highest point, and on along the parabola through the last state.
+    fn fall(&self, mut scene: Scene, time: f64) -> Sample {
+        scene.t_end = time;
+        let (mut sample, gap, v) = self.end(scene, self.height, 0.0);
+        if sample.failure.is_none() {
+            sample.numbers = vec![time - v / self.law.acceleration(gap, v, self.g)];
+        }
+        sample
+    }
+
+    /// Runs the sphere from the gap `gap` (m) with the rate `v` (m/s); both at the end.
+    fn end(&self, mut scene: Scene, gap: f64, v: f64) -> (Sample, f64, f64) {
+        scene.output.interval = Some(scene.t_end / FRAMES);
+        let r = scene.particles.radius;
+        let start =
+            InitialCondition { x: vec![[0.0, 0.0, r + gap]], v: vec![[0.0, 0.0, v]], omega: vec![[0.0; 3]] };
+        let (mut gap, mut v) = (f64::NAN, f64::NAN);
+        let sample = run(&scene, &start, work_limit(1), |frame| (gap, v) = (frame.x[0].z - r, frame.v[0].z));
+        (sample, gap, v)
+    }
+
+    /// A run as a record.
+    pub fn record(&self, solver: &Solver, sample: &Sample) -> Record {
+        let (restitution, contact, rebound) = (sample.number(0), sample.number(1), sample.number(2));
+        let off = |found: f64, exact: f64| (found / exact - 1.0).abs();
+        let measures = measures([
+            (RESTITUTION, restitution),
+            (RESTITUTION_ERROR, off(restitution, self.restitution)),
+            (CONTACT_ERROR, off(contact, self.contact_time)),
+            (REBOUND_TIME, rebound),
+            (REBOUND_ERROR, self.rebound_time.map_or(f64::NAN, |exact| off(rebound, exact))),
+        ]);
+        Record {
+            study: Study::Impact,
+            variation: None,
+            solver: solver.clone(),
+            seed: None,
+            work: sample.work,
+            measures,
+            failure: sample.failure.clone(),
+        }
+    }
+}
+
+/// The largest distance of a starting centre from a wall that gravity points to, m.
+pub fn fall_height(scene: &Scene, start: &InitialCondition) -> Option<f64> {
+    let floors = floors(scene);
+    let depths = start.x.iter().flat_map(|x| floors.iter().map(move |floor| floor.depth(&Vec3::from(*x))));
+    depths.fold(None, |most: Option<f64>, depth| Some(most.map_or(depth, |most| most.max(depth))))
+}
+
+/// The walls that gravity points to within 45 degrees.
+pub fn floors(scene: &Scene) -> Vec<crate::model::wall::Wall> {
+    let (down, g) = (Vec3::from(scene.gravity), gravity(scene));
+    let below = |wall: &crate::model::wall::Wall| g > 0.0 && wall.normal.dot(&down) > 0.5f64.sqrt() * g;
+    crate::scene::walls::walls(&scene.container).into_iter().filter(below).collect()
+}
+
+/// The impact by every solver. Collective.
+pub fn study(pool: &JobPool, scene: &Scene, start: &InitialCondition, solvers: &[Solver]) -> Findings {
+    let setup = Setup::of(scene, start);
+    let samples = pool.run("impact", solvers, |solver| setup.simulate(solver));
+    let records = solvers.iter().zip(&samples).map(|(solver, sample)| setup.record(solver, sample)).collect();
+    let mut notes = Vec::new();
+    let throw = format!(
+        "impact: thrown at a floor with {:.4} m/s, a sphere keeps {:.6} of its speed (exact)",
+        setup.speed, setup.restitution
+    );
+    match setup.rebound_time {
+        Some(time) => notes.push(format!(
+            "{throw}; dropped from {:.4} m it is highest again after {time:.6} s (exact)",
+            setup.height
+        )),
+        None if setup.g > 0.0 => notes.push(format!("{throw}; dropped it does not turn but creeps to rest")),
+        None => notes.push(format!("{throw}; without gravity there is no fall")),
+    }
+    Findings { records, notes, ..Findings::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Solo;
+    use crate::ode::MethodName;
+    use crate::studies::accuracy::solvers::adaptive;
+    use crate::studies::accuracy::testing::scene;
+
+    #[test]
+    fn a_tight_solver_finds_the_exact_answers() {
+        let (scene, start) = scene();
+        let setup = Setup::of(&scene, &start);
+        let record = |tolerance| {
+            let solver = adaptive(MethodName::DormandPrince, tolerance);
+            setup.record(&solver, &setup.simulate(&solver))
+        };
+        let tight = record(1e-9);
+        for name in [REBOUND_ERROR, RESTITUTION_ERROR, CONTACT_ERROR] {
+            // Some hundred steps, each wrong by 1e-9 of its scale.
+            assert!(tight.measures[name] < 1e-6, "{name}: {:?}", tight.measures);
+            assert!(record(1e-2).measures[name] > tight.measures[name], "{name}");
+        }
+    }
+
+    #[test]
+    fn without_gravity_a_sphere_is_thrown_only() {
+        let (mut scene, start) = scene();
+        scene.gravity = [0.0; 3];
+        let pool = JobPool { comm: &Solo, threads: 1, quiet: true };
+        let found = study(&pool, &scene, &start, &[adaptive(MethodName::Merson, 1e-6)]);
+        assert!(found.records[0].measures[RESTITUTION_ERROR] < 1e-4, "{:?}", found.records);
+        assert!(!found.records[0].measures.contains_key(REBOUND_TIME));
+        assert!(found.notes[0].contains("without gravity"), "{:?}", found.notes);
+    }
+
+    #[test]
+    fn a_sphere_falls_from_where_the_highest_of_the_scene_starts() {
+        let (scene, start) = scene();
+        let setup = Setup::of(&scene, &start);
+        let highest = start.x.iter().map(|x| x[2]).fold(0.0, f64::max);
+        assert_eq!(setup.height, highest - 0.1);
+        let mut open = scene.clone();
+        open.container = Container::default();
+        assert_eq!(Setup::of(&open, &start).height, HEIGHT);
+    }
+}

@@ -1,0 +1,231 @@
+//! The cases that a command line asks for: its scenes with every combination of the varied keys.
+
+use super::measures::{Plan, simulated};
+use super::{Case, Request, Vary, runs};
+use crate::beds::folder::stem;
+use crate::domain::Comm;
+use crate::engine::load::load as load_scene;
+use crate::error::Error;
+use crate::scene::{Grid, Scene, initial_condition};
+use crate::studies::job_pool::JobPool;
+use std::path::Path;
+
+/// A scene to be run from many starts.
+#[derive(Debug)]
+pub struct Variant {
+    /// What tells it from the others.
+    pub name: String,
+    /// The scene, whose seed means nothing.
+    pub scene: Scene,
+    /// Its grid.
+    grid: Grid,
+}
+
+impl Variant {
+    fn seeded(&self, seed: u64) -> Grid {
+        Grid { seed: Some(seed), ..self.grid.clone() }
+    }
+}
+
+/// The cases, each checked with every seed. Collective.
+pub fn load(request: &Request, comm: &dyn Comm) -> Result<Vec<Variant>, Error> {
+    check_names(request)?;
+    let mut variants = Vec::new();
+    for path in &request.scenes {
+        for choice in choices(request, path) {
+            variants.push(variant(request, path, &choice, comm)?);
+        }
+    }
+    Ok(variants)
+}
+
+/// Whether `--vary` means the scene at `path`.
+fn means(vary: &Vary, path: &Path) -> bool {
+    vary.scene.as_ref().is_none_or(|name| *name == stem(path) || path.to_str() == Some(name))
+}
+
+/// Scenes and the prefixes of `--vary` go together.
+fn check_names(request: &Request) -> Result<(), Error> {
+    for (k, path) in request.scenes.iter().enumerate() {
+        if request.scenes[..k].iter().any(|other| stem(other) == stem(path)) {
+            return Err(Error::Input(format!(
+                "{}: another scene has the name {} too, and cases are told apart by the names of their scenes; give it \
+                 another one",
+                path.display(),
+                stem(path)
+            )));
+        }
+    }
+    for (k, vary) in request.vary.iter().enumerate() {
+        if let (Some(name), false) = (&vary.scene, request.scenes.iter().any(|path| means(vary, path))) {
+            let names: Vec<String> = request.scenes.iter().map(|path| stem(path)).collect();
+            return Err(Error::Input(format!(
+                "--vary {name}:{}: no scene {name} is given; what stands before the colon must be one of {}",
+                vary.key,
+                names.join(", ")
+            )));
+        }
+        let overlaps = |other: &&Vary| {
+            other.key == vary.key && request.scenes.iter().any(|path| means(vary, path) && means(other, path))
+        };
+        if request.vary[..k].iter().any(|other| overlaps(&other)) {
+            return Err(Error::Input(format!(
+                "--vary {}: this key varies already; all of its values must stand in one option",
+                vary.key
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Every combination of the values that vary in the scene at `path`, the last key fastest.
+fn choices<'a>(request: &'a Request, path: &Path) -> Vec<Vec<(&'a Vary, &'a str)>> {
+    let mut all: Vec<Vec<(&Vary, &str)>> = vec![Vec::new()];
+    for vary in request.vary.iter().filter(|vary| means(vary, path)) {
+        let longer = |choice: &Vec<(&'a Vary, &'a str)>| -> Vec<Vec<(&'a Vary, &'a str)>> {
+            vary.values.iter().map(|value| [choice.clone(), vec![(vary, value.as_str())]].concat()).collect()
+        };
+        all = all.iter().flat_map(longer).collect();
+    }
+    all
+}
+
+/// One case. Collective.
+fn variant(
+    request: &Request,
+    path: &Path,
+    choice: &[(&Vary, &str)],
+    comm: &dyn Comm,
+) -> Result<Variant, Error> {
+    let sets: Vec<String> = choice.iter().map(|(vary, value)| format!("{}={value}", vary.key)).collect();
+    let all: Vec<String> = request.set.iter().chain(&sets).cloned().collect();
+    let (scene, _) = load_scene(path, &all, comm).map_err(|why| explained(request, &sets, why))?;
+    let Some(grid) = scene.particles.grid.clone() else {
+        return Err(Error::Input(format!(
+            "{}: its particles come from a file, so that all seeds would give the same run; an ensemble needs \
+             [particles.grid]",
+            path.display()
+        )));
+    };
+    let words = choice.iter().map(|(vary, value)| (vary.key.as_str(), value.to_string()));
+    let variant = Variant { name: name(&stem(path), words), scene, grid };
+    for &seed in &request.seeds.0 {
+        initial_condition::check(
+            &variant.scene,
+            &initial_condition::grid(&variant.scene, &variant.seeded(seed)),
+        )
+        .map_err(|why| Error::Input(format!("{}, seed {seed}: {why}", variant.name)))?;
+    }
+    Ok(variant)
+}
+
+/// The name of a case: that of its scene, and the last part of each key with its value.
+pub fn name<'a>(scene: &str, words: impl IntoIterator<Item = (&'a str, String)>) -> String {
+    let mut name = scene.to_owned();
+    for (key, value) in words {
+        let short = key.rsplit('.').next().unwrap_or(key);
+        name += &format!(" {short}={value}");
+    }
+    name
+}
+
+/// A mistake in a scene, told as one about `--vary` where it is one.
+fn explained(request: &Request, sets: &[String], why: Error) -> Error {
+    let Error::Input(text) = why else { return why };
+    let Some(set) = sets.iter().find(|set| text.contains(set.as_str())).or(sets.first()) else {
+        return Error::Input(text);
+    };
+    let told = text.replace(&format!("--set {set}"), &format!("--vary {set}"));
+    let hint = match request.scenes.len() > 1 {
+        true => format!(
+            "\nwith --vary {set}: the name of a scene and a colon before the key let that scene alone vary"
+        ),
+        false if told == text => format!("\nwith --vary {set}"),
+        false => String::new(),
+    };
+    Error::Input(told + &hint)
+}
+
+/// All cases from all seeds. Collective.
+pub fn run(pool: &JobPool, variants: &[Variant], seeds: &[u64], plan: &Plan) -> Vec<Case> {
+    let jobs: Vec<(&Variant, u64)> =
+        variants.iter().flat_map(|variant| seeds.iter().map(move |&seed| (variant, seed))).collect();
+    let mut samples = pool
+        .run("ensemble", &jobs, |(variant, seed)| {
+            simulated(&variant.scene, &initial_condition::grid(&variant.scene, &variant.seeded(*seed)), plan)
+        })
+        .into_iter();
+    let mut case = |variant: &Variant| Case {
+        name: variant.name.clone(),
+        scene: variant.scene.resolved(),
+        runs: runs(seeds.iter().copied(), samples.by_ref().take(seeds.len())),
+    };
+    variants.iter().map(&mut case).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Solo;
+    use crate::studies::ensemble::testing::TEXT;
+    use std::path::PathBuf;
+
+    /// Options as the command line has them.
+    fn request(scenes: &[PathBuf], words: &[&str]) -> Request {
+        let mut request =
+            Request { scenes: scenes.to_vec(), seeds: "2".parse().unwrap(), vary: vec![], set: vec![] };
+        for option in words.chunks(2) {
+            match option[0] {
+                "--vary" => request.vary.push(option[1].parse().unwrap()),
+                _ => request.set.push(option[1].to_owned()),
+            }
+        }
+        request
+    }
+
+    /// Cases of the scenes plain.toml and rough.toml, the second with friction.
+    fn names(words: &[&str]) -> Result<Vec<String>, Error> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, more: &str| -> PathBuf {
+            let path = folder.path().join(name);
+            std::fs::write(&path, format!("{TEXT}\n{more}")).unwrap();
+            path
+        };
+        let friction = "friction = { coefficient = 0.3, regularization_velocity = 0.01 }";
+        let (plain, rough) = (file("plain.toml", ""), file("rough.toml", friction));
+        load(&request(&[plain, rough], words), &Solo)
+            .map(|variants| variants.into_iter().map(|variant| variant.name).collect())
+    }
+
+    #[test]
+    fn cases_are_scenes_with_all_combinations_of_their_values() {
+        assert_eq!(names(&[]).unwrap(), ["plain", "rough"]);
+        let both =
+            names(&["--vary", "contact.restitution=0.4,1", "--vary", "rough:friction.coefficient=0,0.1"]);
+        let expected = [
+            "plain restitution=0.4",
+            "plain restitution=1",
+            "rough restitution=0.4 coefficient=0",
+            "rough restitution=0.4 coefficient=0.1",
+            "rough restitution=1 coefficient=0",
+            "rough restitution=1 coefficient=0.1",
+        ];
+        assert_eq!(both.unwrap(), expected);
+    }
+
+    #[test]
+    fn what_cannot_vary_is_told_with_what_would() {
+        for (words, parts) in [
+            (&["--vary", "smooth:contact.restitution=1"][..], &["smooth", "plain, rough"][..]),
+            (&["--vary", "friction.coefficient=0.1"], &["--vary", "regularization_velocity", "a colon"]),
+            (&["--vary", "contact.restitution=2"], &["--vary contact.restitution=2"]),
+            (&["--vary", "t_end=1", "--vary", "rough:t_end=2"], &["t_end", "varies already"]),
+            (&["--set", "contact.restitution=2"], &["--set contact.restitution=2"]),
+            (&["--set", "particles.grid.bottom=-1"], &["beyond"]),
+        ] {
+            let why = names(words).unwrap_err();
+            assert_eq!(why.exit_code(), 2);
+            assert!(parts.iter().all(|part| why.to_string().contains(part)), "{words:?}: {why}");
+        }
+    }
+}

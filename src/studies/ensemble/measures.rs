@@ -1,0 +1,267 @@
+//! What is measured of every run, at its end and over time.
+
+use crate::beds::measures::region::RegionChoice;
+use crate::beds::measures::row::{Row, centres};
+use crate::error::Error;
+use crate::files::run_file::{RunFile, State};
+use crate::scene::Scene;
+use crate::scene::initial_condition::InitialCondition;
+use crate::studies::job_pool::run::{FrameData, run};
+use crate::studies::job_pool::{Sample, Work};
+
+/// A number that a run gives.
+#[derive(Debug)]
+pub struct Measure {
+    /// Its name in files and options.
+    pub name: &'static str,
+    /// What it is, with the unit.
+    pub label: &'static str,
+    /// Whether it is shown where the user asks for nothing.
+    pub usual: bool,
+    of: Of,
+}
+
+/// Where the number comes from.
+#[derive(Debug)]
+enum Of {
+    /// A frame: it has an evolution.
+    Frame(fn(&Seen) -> f64),
+    /// The work of the run.
+    Work(fn(&Work) -> u64),
+}
+
+/// A frame and what else is known at its time.
+#[derive(Debug)]
+struct Seen {
+    row: Row,
+    /// J.
+    kinetic_energy: f64,
+    /// J.
+    potential_energy: f64,
+    /// Largest overlap in any frame so far, m.
+    overlap: f64,
+}
+
+const fn frame(name: &'static str, label: &'static str, usual: bool, of: fn(&Seen) -> f64) -> Measure {
+    Measure { name, label, usual, of: Of::Frame(of) }
+}
+
+const fn work(name: &'static str, label: &'static str, of: fn(&Work) -> u64) -> Measure {
+    Measure { name, label, usual: false, of: Of::Work(of) }
+}
+
+/// All measures; those with an evolution come first.
+pub const MEASURES: [Measure; 23] = [
+    frame("volume_fraction", "volume fraction of the union", true, |seen| seen.row.volume_fraction),
+    frame("porosity", "porosity", false, |seen| seen.row.porosity),
+    frame("overlap_fraction", "share covered more than once", false, |seen| seen.row.overlap_fraction),
+    frame("paper_count_in_unit_cube", "volume fraction in [0, 1]^3, the paper's count", true, |seen| {
+        seen.row.paper_count_in_unit_cube.unwrap_or(f64::NAN)
+    }),
+    frame("volume_fraction_in_unit_cube", "volume fraction of the union in [0, 1]^3", false, |seen| {
+        seen.row.volume_fraction_in_unit_cube.unwrap_or(f64::NAN)
+    }),
+    frame("mean_coordination", "coordination number", true, |seen| seen.row.mean_coordination),
+    frame("mean_coordination_without_rattlers", "coordination number without rattlers", false, |seen| {
+        seen.row.mean_coordination_without_rattlers
+    }),
+    frame("rattlers", "rattlers", true, |seen| seen.row.rattlers as f64),
+    frame("contacts", "contacts between spheres", false, |seen| seen.row.contacts as f64),
+    frame("wall_contacts", "contacts with walls", false, |seen| seen.row.wall_contacts as f64),
+    frame("mean_overlap", "mean overlap (m)", false, |seen| seen.row.mean_overlap),
+    frame("largest_overlap", "largest overlap (m)", false, |seen| seen.row.largest_overlap),
+    frame("mean_force", "mean contact force (N)", false, |seen| seen.row.mean_force),
+    frame("largest_force", "largest contact force (N)", false, |seen| seen.row.largest_force),
+    frame("bed_height", "bed height (m)", true, |seen| seen.row.bed_height),
+    frame("kinetic_energy", "kinetic energy (J)", false, |seen| seen.kinetic_energy),
+    frame("potential_energy", "potential energy (J)", false, |seen| seen.potential_energy),
+    frame("largest_overlap_of_run", "largest overlap in any frame (m)", true, |seen| seen.overlap),
+    frame("end_time", "time of the end (s)", false, |seen| seen.row.time),
+    work("steps_accepted", "steps accepted", |work| work.steps_accepted),
+    work("steps_rejected", "steps rejected", |work| work.steps_rejected),
+    work("rhs_evaluations", "right-hand sides", |work| work.rhs_evaluations),
+    work("pair_evaluations", "pairs evaluated", |work| work.pair_evaluations),
+];
+
+/// Measures with an evolution: the first of `MEASURES`.
+pub const OVER_TIME: usize = 19;
+
+/// How runs are measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Times in an evolution, about; 0: the end only.
+    pub times: u64,
+    /// Where volumes are measured, by the end of the run.
+    pub region: RegionChoice,
+}
+
+impl Plan {
+    /// Every how many frames of `scene` one is measured; none: the last only.
+    fn stride(&self, scene: &Scene) -> Option<u64> {
+        let frames = (scene.t_end / scene.output.interval.unwrap_or(scene.t_end)).ceil().max(1.0);
+        // Casts saturate.
+        (self.times > 0).then(|| (frames / self.times as f64).ceil().max(1.0) as u64)
+    }
+}
+
+/// A run over time.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Followed {
+    /// Times, s; the last is that of the end.
+    pub times: Vec<f64>,
+    /// At every time, the measures with an evolution.
+    pub frames: Vec<Vec<f64>>,
+    /// All measures at the end.
+    pub end: Vec<f64>,
+}
+
+impl Followed {
+    /// Out of the numbers of a run that did not fail.
+    pub fn of(sample: &Sample) -> Self {
+        let rows = sample.numbers.chunks_exact(1 + OVER_TIME);
+        let (times, frames): (Vec<f64>, Vec<Vec<f64>>) = rows.map(|row| (row[0], row[1..].to_vec())).unzip();
+        let mut end = frames.last().cloned().unwrap_or_else(|| vec![f64::NAN; OVER_TIME]);
+        end.extend(MEASURES[OVER_TIME..].iter().map(|measure| match measure.of {
+            Of::Work(of) => of(&sample.work) as f64,
+            Of::Frame(_) => f64::NAN,
+        }));
+        Followed { times, frames, end }
+    }
+}
+
+/// A frame to be measured, once the region is known.
+struct Held {
+    state: State,
+    kinetic_energy: f64,
+    potential_energy: f64,
+    overlap: f64,
+}
+
+/// Numbers of all `held` frames, the last of which is the end.
+fn numbers(scene: &Scene, plan: &Plan, held: &[Held]) -> Vec<f64> {
+    let Some(last) = held.last() else { return Vec::new() };
+    let (region, _) = plan.region.of(scene, &centres(&last.state));
+    let mut numbers = Vec::with_capacity(held.len() * (1 + OVER_TIME));
+    for held in held {
+        let seen = Seen {
+            row: Row::of(scene, &held.state, &region),
+            kinetic_energy: held.kinetic_energy,
+            potential_energy: held.potential_energy,
+            overlap: held.overlap,
+        };
+        numbers.push(held.state.time);
+        numbers.extend(MEASURES[..OVER_TIME].iter().map(|measure| match measure.of {
+            Of::Frame(of) => of(&seen),
+            Of::Work(_) => f64::NAN,
+        }));
+    }
+    numbers
+}
+
+/// Runs `scene` from `start` on this thread and measures it.
+pub fn simulated(scene: &Scene, start: &InitialCondition, plan: &Plan) -> Sample {
+    let stride = plan.stride(scene);
+    let (mut k, mut overlap, mut held, mut last) = (0, 0.0f64, Vec::new(), None);
+    let sample = run(scene, start, u64::MAX, |frame: &FrameData| {
+        overlap = overlap.max(frame.largest_overlap);
+        let this = Held {
+            state: state(k, frame),
+            kinetic_energy: frame.kinetic_energy,
+            potential_energy: frame.potential_energy,
+            overlap,
+        };
+        match stride {
+            Some(stride) if k % stride == 0 => {
+                held.push(this);
+                last = None;
+            }
+            _ => last = Some(this),
+        }
+        k += 1;
+    });
+    if sample.failure.is_some() {
+        return sample;
+    }
+    held.extend(last);
+    Sample { numbers: numbers(scene, plan, &held), ..sample }
+}
+
+/// A frame as an output file would hold it.
+fn state(number: u64, frame: &FrameData) -> State {
+    let list = |vectors: &[crate::math::vector::Vec3]| vectors.iter().map(|&vector| vector.into()).collect();
+    State { frame: number, time: frame.time, x: list(&frame.x), v: list(&frame.v), omega: None }
+}
+
+/// Measures the run that `record` holds.
+pub fn recorded(record: &RunFile, plan: &Plan) -> Result<Sample, Error> {
+    let (kinetic, potential) = (record.series("kinetic_energy")?, record.series("potential_energy")?);
+    let overlaps = record.series("largest_overlap")?;
+    let stride = plan.stride(&record.scene);
+    let mut held = Vec::new();
+    let mut overlap = 0.0f64;
+    for (k, largest) in (0..record.frames).zip(overlaps) {
+        overlap = overlap.max(largest);
+        if k + 1 == record.frames || stride.is_some_and(|stride| k % stride == 0) {
+            let [kinetic_energy, potential_energy] = [&kinetic, &potential].map(|list| list[k as usize]);
+            held.push(Held { state: record.state(k)?, kinetic_energy, potential_energy, overlap });
+        }
+    }
+    let facts = record.facts()?;
+    let count = |name: &str| {
+        let fact = facts.iter().find(|(fact, _)| fact == name).and_then(|(_, value)| value.parse().ok());
+        fact.ok_or_else(|| record.unreadable(&format!("/run records no {name}")))
+    };
+    let pairs = record.counts("pair_evaluations")?.last().copied().unwrap_or(0);
+    let work = Work {
+        rhs_evaluations: count("rhs_evaluations")?,
+        pair_evaluations: pairs.max(0) as u64,
+        steps_accepted: count("steps_accepted")?,
+        steps_rejected: count("steps_rejected")?,
+        core_seconds: 0.0,
+    };
+    Ok(Sample { work, failure: None, numbers: numbers(&record.scene, plan, &held) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::studies::ensemble::testing::scene;
+
+    fn plan(times: u64) -> Plan {
+        Plan { times, region: RegionChoice::default() }
+    }
+
+    #[test]
+    fn measures_with_an_evolution_come_first_and_names_differ() {
+        let over_time = |measure: &Measure| matches!(measure.of, Of::Frame(_));
+        assert!(MEASURES[..OVER_TIME].iter().all(over_time));
+        assert!(!MEASURES[OVER_TIME..].iter().any(over_time));
+        for (k, measure) in MEASURES.iter().enumerate() {
+            assert!(MEASURES[..k].iter().all(|other| other.name != measure.name), "{}", measure.name);
+        }
+    }
+
+    #[test]
+    fn a_run_is_followed_at_about_as_many_times_as_asked_for_and_at_its_end() {
+        let (scene, start) = scene(&["t_end=0.5", "output.interval=0.03"]);
+        let followed = |times| Followed::of(&simulated(&scene, &start, &plan(times)));
+        let all = followed(100);
+        assert_eq!(all.times.len(), 18);
+        assert_eq!((all.times[0], all.times[1], all.times[17]), (0.0, 0.03, 0.5));
+        let some = followed(5);
+        assert_eq!(some.times, [0.0, 4.0 * 0.03, 8.0 * 0.03, 12.0 * 0.03, 16.0 * 0.03, 0.5]);
+        let end = followed(0);
+        assert_eq!(end.times, [0.5]);
+        // Overlaps between the frames that are measured count too.
+        assert_eq!((&some.end, &end.end), (&all.end, &all.end));
+        assert_eq!(all.end.len(), MEASURES.len());
+    }
+
+    #[test]
+    fn a_failed_run_gives_no_numbers() {
+        let (scene, mut start) = scene(&["t_end=0.1"]);
+        start.x[1] = start.x[0];
+        let sample = simulated(&scene, &start, &plan(1));
+        assert!(sample.failure.unwrap().contains("coincide") && sample.numbers.is_empty());
+    }
+}

@@ -1,0 +1,105 @@
+//! One run of a scene on one thread, shown as plain vectors and ended where it takes too much work.
+
+use super::{Sample, Work};
+use crate::domain::Solo;
+use crate::engine::simulation::{Counts, Frame, Simulation, Task, dispatch};
+use crate::error::Error;
+use crate::math::vector::Vec3;
+use crate::model::contact::{Law, Rebound, Tangential};
+use crate::model::particle::Spin;
+use crate::scene::Scene;
+use crate::scene::initial_condition::InitialCondition;
+
+/// All particles at one time, in the order of their ids.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FrameData {
+    /// Time, s.
+    pub time: f64,
+    /// Centres, m.
+    pub x: Vec<Vec3>,
+    /// Velocities, m/s.
+    pub v: Vec<Vec3>,
+    /// Angular velocities, rad/s; zero without rotation.
+    pub omega: Vec<Vec3>,
+    /// Kinetic energy, J.
+    pub kinetic_energy: f64,
+    /// Potential energy of contacts and height, J.
+    pub potential_energy: f64,
+    /// Energy dissipated so far by rebound and by friction, J; zero unless the scene asks for it.
+    pub dissipated: [f64; 2],
+    /// Largest overlap, m.
+    pub largest_overlap: f64,
+    /// Highest point of any sphere, m.
+    pub bed_height: f64,
+}
+
+/// Right-hand sides that a run of `particles` particles may take: 3 million, and fewer where each is expensive.
+pub fn work_limit(particles: usize) -> u64 {
+    (1_000_000_000 / particles.max(1) as u64).clamp(20_000, 3_000_000)
+}
+
+/// Runs `scene` from `start`, at most for `limit` right-hand sides, and shows every frame to `look`. The sample has
+/// the work, up to the last frame where the run failed, and why it failed; numbers are left to the caller.
+pub fn run(scene: &Scene, start: &InitialCondition, limit: u64, mut look: impl FnMut(&FrameData)) -> Sample {
+    // The work of fixed steps is known before.
+    let steps = scene.solver.step.map_or(0.0, |step| scene.t_end / step);
+    if steps > limit as f64 {
+        let why = Error::WorkLimit { t: 0.0, done: 0, limit };
+        return Sample {
+            failure: Some(format!("{why}, and there would be {steps:.0} steps")),
+            ..Sample::default()
+        };
+    }
+    let mut counts = Counts::default();
+    let outcome = dispatch(scene, Plain { scene, start, limit, counts: &mut counts, look: &mut look });
+    let work = Work {
+        rhs_evaluations: counts.rhs,
+        pair_evaluations: counts.pairs,
+        steps_accepted: counts.accepted,
+        steps_rejected: counts.rejected,
+        core_seconds: 0.0,
+    };
+    Sample { work, failure: outcome.err().map(|why| why.to_string()), numbers: Vec::new() }
+}
+
+/// A run, once its effects are types.
+struct Plain<'a> {
+    scene: &'a Scene,
+    start: &'a InitialCondition,
+    limit: u64,
+    counts: &'a mut Counts,
+    look: &'a mut dyn FnMut(&FrameData),
+}
+
+impl Task for Plain<'_> {
+    type Output = Result<(), Error>;
+
+    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Self::Output {
+        let Plain { scene, start, limit, counts, look } = self;
+        let simulation = Simulation::<R, T, W>::new(scene, start, law, &Solo)?;
+        let outcome = simulation.run(&mut |frame: &Frame<W>| {
+            *counts = frame.counts;
+            look(&frame_data(frame));
+            if frame.counts.rhs > limit && frame.time < scene.t_end {
+                return Err(Error::WorkLimit { t: frame.time, done: frame.counts.rhs, limit });
+            }
+            Ok(())
+        })?;
+        *counts = outcome.counts;
+        Ok(())
+    }
+}
+
+fn frame_data<W: Spin>(frame: &Frame<W>) -> FrameData {
+    FrameData {
+        time: frame.time,
+        x: frame.rows.map(|body| body.x),
+        v: frame.rows.map(|body| body.v),
+        omega: frame.rows.map(|body| body.omega.vector()),
+        kinetic_energy: frame.kinetic_energy,
+        potential_energy: frame.potential_energy,
+        dissipated: frame.dissipated,
+        largest_overlap: frame.largest_overlap,
+        bed_height: frame.bed_height,
+    }
+}

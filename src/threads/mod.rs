@@ -1,0 +1,174 @@
+//! Loops over slices by rayon threads, where there is enough to do. Results never depend on the number of threads:
+//! every item is computed alone, and what is folded is a maximum or an integer.
+//!
+//! A right-hand side of a few hundred particles takes 12 us: rayon's threads fall asleep in between, and even to one that is
+//! awake it takes a microsecond to hand something over. `attended` keeps them at posts where they see at once what is for
+//! them, for as long as work comes up again and again.
+
+use rayon::prelude::*;
+use std::ops::Range;
+
+pub use spinning_pool::{attended, is_attended, join};
+
+pub mod huge_pages;
+mod spinning_pool;
+
+/// Items below which a second thread costs more than it brings; a sixteenth of it where threads are at their posts.
+pub const GRAIN: usize = 2048;
+
+/// What can be cut in two at an index.
+pub trait Cut: Send + Sized {
+    /// What is before the index, and the rest.
+    fn cut(self, at: usize) -> (Self, Self);
+}
+
+impl<T: Send> Cut for &mut [T] {
+    fn cut(self, at: usize) -> (Self, Self) {
+        self.split_at_mut(at)
+    }
+}
+
+impl<T: Sync> Cut for &[T] {
+    fn cut(self, at: usize) -> (Self, Self) {
+        self.split_at(at)
+    }
+}
+
+impl Cut for Range<usize> {
+    fn cut(self, at: usize) -> (Self, Self) {
+        (self.start..self.start + at, self.start + at..self.end)
+    }
+}
+
+impl Cut for () {
+    fn cut(self, _at: usize) -> (Self, Self) {
+        ((), ())
+    }
+}
+
+impl<C: Cut, const K: usize> Cut for [C; K] {
+    fn cut(self, at: usize) -> (Self, Self) {
+        let mut rest = [const { None }; K];
+        let mut slots = rest.iter_mut();
+        let before = self.map(|items| {
+            let (before, after) = items.cut(at);
+            *slots.next().expect("there are as many") = Some(after);
+            before
+        });
+        (before, rest.map(|after| after.expect("every place has been filled")))
+    }
+}
+
+impl<A: Cut, B: Cut> Cut for (A, B) {
+    fn cut(self, at: usize) -> (Self, Self) {
+        let ((a, c), (b, d)) = (self.0.cut(at), self.1.cut(at));
+        ((a, b), (c, d))
+    }
+}
+
+/// Calls `work(first, part)` for one part of `items`, of which there are `n`, for every thread, `first` being the index of
+/// the part's first item, and folds what the calls return. A thread has the same part of every list of the same length, so
+/// that it stays in its caches.
+pub fn parts<C: Cut, A: Send>(
+    n: usize,
+    grain: usize,
+    items: C,
+    work: &(impl Fn(usize, C) -> A + Sync),
+    fold: &(impl Fn(A, A) -> A + Sync),
+) -> A {
+    let grain = if is_attended() { grain / 16 } else { grain };
+    if n <= grain {
+        return work(0, items);
+    }
+    let count = blocks(n, (grain / 2).max(1));
+    in_parts(0..count, count, &|k| n * k / count, items, work, fold)
+}
+
+/// Calls `work(bound(k), part)` for the parts k in `which`, of `count` in all, of `items`, each by a thread, and folds what the
+/// calls return; part k ends where part k + 1 begins.
+fn in_parts<C: Cut, A: Send>(
+    which: Range<usize>,
+    count: usize,
+    bound: &(impl Fn(usize) -> usize + Sync),
+    items: C,
+    work: &(impl Fn(usize, C) -> A + Sync),
+    fold: &(impl Fn(A, A) -> A + Sync),
+) -> A {
+    let first = bound(which.start);
+    if which.len() == 1 {
+        return work(first, items);
+    }
+    let middle = which.start.midpoint(which.end);
+    let (a, b) = items.cut(bound(middle) - first);
+    let (b, a) = join(
+        count - middle,
+        || in_parts(middle..which.end, count, bound, b, work, fold),
+        || in_parts(which.start..middle, count, bound, a, work, fold),
+    );
+    fold(a, b)
+}
+
+/// Calls `work(first, chunk)` for consecutive chunks of `items`, `first` being the index of the chunk's first item,
+/// and folds what the calls return.
+pub fn chunks<T: Send, A: Send>(
+    items: &mut [T],
+    grain: usize,
+    work: impl Fn(usize, &mut [T]) -> A + Sync,
+    fold: impl Fn(A, A) -> A + Sync,
+) -> A {
+    parts(items.len(), grain, items, &work, &fold)
+}
+
+/// `chunks` for work that returns nothing.
+pub fn for_chunks<T: Send>(items: &mut [T], grain: usize, work: impl Fn(usize, &mut [T]) + Sync) {
+    chunks(items, grain, work, |(), ()| ());
+}
+
+/// `for_chunks` over two lists of the same length at once.
+pub fn for_chunk_pairs<T: Send, U: Send>(
+    a: &mut [T],
+    b: &mut [U],
+    grain: usize,
+    work: impl Fn(usize, &mut [T], &mut [U]) + Sync,
+) {
+    debug_assert_eq!(a.len(), b.len(), "the lists are as long as each other");
+    parts(a.len(), grain, (a, b), &|first, (a, b)| work(first, a, b), &|(), ()| ());
+}
+
+/// Folds `value(i)` for i in 0..n. The fold must not care about the order.
+pub fn fold<A: Send + Sync + Clone>(
+    n: usize,
+    grain: usize,
+    value: impl Fn(usize) -> A + Sync,
+    identity: A,
+    fold: impl Fn(A, A) -> A + Sync + Send,
+) -> A {
+    let part = |_, range: Range<usize>| range.map(&value).fold(identity.clone(), &fold);
+    parts(n, grain, 0..n, &part, &fold)
+}
+
+/// How many blocks of at least `grain` of `n` items keep all threads busy.
+pub fn blocks(n: usize, grain: usize) -> usize {
+    rayon::current_num_threads().min(n / grain).max(1)
+}
+
+/// Calls `work` for every item, of which there are as many as threads or fewer, in parallel.
+pub fn each<T: Send>(items: &mut [T], work: &(impl Fn(&mut T) + Sync)) {
+    if items.is_empty() {
+        return;
+    }
+    let alone = |_, item: &mut [T]| item.iter_mut().for_each(work);
+    in_parts(0..items.len(), items.len(), &|k| k, items, &alone, &|(), ()| ());
+}
+
+/// `value(i)` for i in 0..n.
+pub fn collect<T: Send>(n: usize, grain: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    if rayon::current_num_threads() == 1 || n <= grain {
+        return (0..n).map(value).collect();
+    }
+    spinning_pool::wake();
+    (0..n).into_par_iter().with_min_len(grain / 2).map(&value).collect()
+}
+
+#[cfg(test)]
+mod tests;
