@@ -27,7 +27,7 @@ fn info() -> RunInfo {
         step: None,
         norm: NormName::Scaled,
         velocity_scale: 1.0,
-        contact_reach: 0.0662,
+        contact_cutoff: 0.0662,
         energy: false,
         mass: 1.0,
         ranks: 1,

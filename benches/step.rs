@@ -6,7 +6,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use demhybrid::engine::simulation::Simulation;
 use demhybrid::model::contact::{Rebound, Tangential};
 use demhybrid::model::particle::Spin;
-use demhybrid::ode::{Anchor, MERSON, Method, Norm, RungeKutta, Trial, Weights};
+use demhybrid::ode::{MERSON, Method, Norm, RungeKutta, StepStart, TrialStep, Weights};
 
 mod common;
 
@@ -16,14 +16,14 @@ impl Job for Step<'_> {
     fn run<R: Rebound, T: Tangential, W: Spin>(self, mut simulation: Simulation<R, T, W>) {
         let mut group = self.0.benchmark_group(format!("step/{}", self.1));
         group.sample_size(10).throughput(Throughput::Elements(self.2 as u64));
-        let mut anchor = Anchor::new(0.0, simulation.state().to_vec());
+        let mut step_start = StepStart::new(0.0, simulation.state().to_vec());
         let mut method = RungeKutta::new(&MERSON);
-        let mut trial = Trial::default();
+        let mut trial = TrialStep::default();
         let norm = Norm { weights: Weights::MIXED, rate: true };
         group.bench_function(BenchmarkId::from_parameter(self.2), |b| {
             b.iter(|| {
-                anchor.slope_known = false;
-                method.attempt(simulation.dynamics_mut(), &mut anchor, 1e-5, &norm, &mut trial)
+                step_start.slope_known = false;
+                method.attempt(simulation.dynamics_mut(), &mut step_start, 1e-5, &norm, &mut trial)
             })
         });
     }

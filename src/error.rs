@@ -194,10 +194,10 @@ pub enum Error {
     },
 
     /// The run was stopped on request, and saved.
-    #[error("stopped by {wish} at t = {t} s; demhybrid --resume {file} goes on from there")]
+    #[error("stopped by {request} at t = {t} s; demhybrid --resume {file} goes on from there")]
     Stopped {
         /// What asked for it.
-        wish: StopRequest,
+        request: StopRequest,
         /// Time that was reached, s.
         t: f64,
         /// The output file as the user named it.
@@ -317,9 +317,9 @@ mod tests {
         for pair in wishes.windows(2) {
             assert!(pair[0].weight() < pair[1].weight(), "{pair:?}");
         }
-        for wish in wishes {
-            assert_eq!(StopRequest::of_weight(wish.weight()), wish);
-            assert_eq!(wish.stops(), wish.weight() >= 2.0);
+        for request in wishes {
+            assert_eq!(StopRequest::of_weight(request.weight()), request);
+            assert_eq!(request.stops(), request.weight() >= 2.0);
         }
         assert_eq!(StopRequest::Signal(15).to_string(), "SIGTERM");
     }

@@ -15,7 +15,7 @@
 //! | (2.7), (2.10) | slip | [`contact::Law::action`], [`particle::Spin::less_surface_velocity`] |
 //! | (2.8) | limiter | [`contact::Coulomb::limiter_over_slip`] |
 //! | (2.11), (2.12) | torque | [`particle::Spin::torque`] |
-//! | (2.13)-(2.15) | equations of motion | [`forces::Forces::close`] |
+//! | (2.13)-(2.15) | equations of motion | [`forces::Forces::finish_stage`] |
 //!
 //! # One step
 //!

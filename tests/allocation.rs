@@ -13,7 +13,7 @@ use demhybrid::engine::simulation::Simulation;
 use demhybrid::model::contact::{Rebound, Tangential};
 use demhybrid::model::particle::Spin;
 use demhybrid::ode::{
-    Anchor, Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, Norm, RungeKutta, Trial, Verlet, Weights,
+    Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, Norm, RungeKutta, StepStart, TrialStep, Verlet, Weights,
 };
 use demhybrid::scene::Scene;
 use demhybrid::scene::walls::walls;
@@ -39,17 +39,17 @@ impl Job for Steps {
             Box::<Chebyshev>::default(),
             Box::new(Verlet),
         ];
-        let mut trial = Trial::default();
+        let mut trial = TrialStep::default();
         for method in &mut methods {
-            let mut anchor = Anchor::new(0.0, y.clone());
+            let mut step_start = StepStart::new(0.0, y.clone());
             let mut steps = |sizes: &[f64]| {
                 for &h in sizes {
-                    method.stable_step(dynamics, &mut anchor, &mut trial);
+                    method.stable_step(dynamics, &mut step_start, &mut trial);
                     let norm = Norm { weights: Weights::MIXED, rate: false };
-                    method.attempt(dynamics, &mut anchor, h, &norm, &mut trial);
-                    std::mem::swap(&mut anchor.y, &mut trial.next);
-                    anchor.slope_known = false;
-                    anchor.t += h;
+                    method.attempt(dynamics, &mut step_start, h, &norm, &mut trial);
+                    std::mem::swap(&mut step_start.y, &mut trial.next);
+                    step_start.slope_known = false;
+                    step_start.t += h;
                 }
             };
             steps(&[1e-4, 1e-4]);
@@ -63,7 +63,7 @@ impl Job for Steps {
         let info = allocation_counter::measure(|| drop(std::hint::black_box(vec![0u8; 100])));
         assert_eq!(info.count_total, 1);
         assert!((dynamics.ghosts() > 0) == (self.ranks > 1) && dynamics.small_length() > 0.0);
-        assert!((dynamics.losses() != [0.0; 2]) == self.audited, "lost: {:?} W", dynamics.losses());
+        assert!((dynamics.dissipation() != [0.0; 2]) == self.audited, "lost: {:?} W", dynamics.dissipation());
     }
 }
 

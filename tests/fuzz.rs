@@ -10,10 +10,11 @@
 
 #[path = "fuzz/cases.rs"]
 mod cases;
-#[path = "fuzz/verdict.rs"]
-mod verdict;
+#[path = "fuzz/outcome.rs"]
+mod outcome;
 
 use cases::{Corpus, edited, particle_files, scenes, settings, words};
+use outcome::{Judge, Tally};
 use proptest::strategy::Strategy;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
 use std::cell::{Cell, RefCell};
@@ -21,7 +22,6 @@ use std::io::Write;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
-use verdict::{Judge, Tally};
 
 /// Seconds after which a case hangs. Cases take milliseconds; machines may be busy.
 const HANG: Duration = Duration::from_secs(120);

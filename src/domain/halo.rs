@@ -37,8 +37,8 @@ impl Extent {
     }
 
     /// `z` lies within `reach` (m) of the extent; never if the extent is empty.
-    pub fn is_near(&self, z: f64, reach: f64) -> bool {
-        self.low <= self.high && z >= self.low - reach && z <= self.high + reach
+    pub fn is_near(&self, z: f64, cutoff: f64) -> bool {
+        self.low <= self.high && z >= self.low - cutoff && z <= self.high + cutoff
     }
 }
 
@@ -86,13 +86,13 @@ impl Halo {
         ids: &[u64],
         y: &[Motion<W>],
         (axis, extents): (usize, &[Extent]),
-        reach: f64,
+        cutoff: f64,
     ) -> Vec<u64> {
         self.picks.clear();
         let mut counts = vec![0; comm.size()];
         for (q, extent) in extents.iter().enumerate().filter(|(q, _)| *q != comm.rank()) {
             let first = self.picks.len();
-            let near = y.iter().enumerate().filter(|(_, body)| extent.is_near(body.x[axis], reach));
+            let near = y.iter().enumerate().filter(|(_, body)| extent.is_near(body.x[axis], cutoff));
             self.picks.extend(near.map(|(i, _)| i as u32));
             counts[q] = (self.picks.len() - first) as u64;
         }

@@ -18,7 +18,7 @@ pub struct ById<'a, W> {
     own: &'a [Motion<W>],
     guests: Vec<Motion<W>>,
     /// Of every id of the block: its index in `own`, or beyond that in `guests`.
-    places: Vec<u32>,
+    slots: Vec<u32>,
 }
 
 impl<'a, W: Spin> ById<'a, W> {
@@ -37,42 +37,42 @@ impl<'a, W: Spin> ById<'a, W> {
         let mut outgoing = Parcels::with_counts(&counts);
         let mut order: Vec<usize> = (0..ids.len()).filter(|&i| home(ids[i]) != rank).collect();
         order.sort_by_key(|&i| home(ids[i]));
-        for (slots, &i) in outgoing.data.chunks_exact_mut(width).zip(&order) {
+        for (numbers, &i) in outgoing.data.chunks_exact_mut(width).zip(&order) {
             // Ids travel as numbers: exact below 2^53.
-            slots[0] = ids[i] as f64;
-            y[i].pack(&mut slots[1..]);
+            numbers[0] = ids[i] as f64;
+            y[i].pack(&mut numbers[1..]);
         }
         comm.exchange(&outgoing, &mut incoming);
         let arrived = || incoming.data.chunks_exact(width);
-        let mut places = vec![u32::MAX; (block.end - block.start) as usize];
+        let mut slots = vec![u32::MAX; (block.end - block.start) as usize];
         for (i, &id) in ids.iter().enumerate().filter(|(_, id)| home(**id) == rank) {
-            places[(id - block.start) as usize] = i as u32;
+            slots[(id - block.start) as usize] = i as u32;
         }
-        for (k, slots) in arrived().enumerate() {
-            places[(slots[0] as u64 - block.start) as usize] = (y.len() + k) as u32;
+        for (k, numbers) in arrived().enumerate() {
+            slots[(numbers[0] as u64 - block.start) as usize] = (y.len() + k) as u32;
         }
-        ById { own: y, guests: arrived().map(|slots| Motion::unpack(&slots[1..])).collect(), places }
+        ById { own: y, guests: arrived().map(|numbers| Motion::unpack(&numbers[1..])).collect(), slots }
     }
 
     /// What `of` makes of each state, by the threads of this rank.
     pub fn map<T: Send>(&self, of: impl Fn(&Motion<W>) -> T + Sync) -> Vec<T> {
-        threads::collect(self.places.len(), GRAIN, |i| {
-            let place = self.places[i] as usize;
-            of(self.own.get(place).unwrap_or_else(|| &self.guests[place - self.own.len()]))
+        threads::collect(self.slots.len(), GRAIN, |i| {
+            let slot = self.slots[i] as usize;
+            of(self.own.get(slot).unwrap_or_else(|| &self.guests[slot - self.own.len()]))
         })
     }
 
     /// The states in the order of their ids.
     pub fn iter(&self) -> impl Iterator<Item = &Motion<W>> {
-        self.places.iter().map(|&place| {
-            let place = place as usize;
-            self.own.get(place).unwrap_or_else(|| &self.guests[place - self.own.len()])
+        self.slots.iter().map(|&slot| {
+            let slot = slot as usize;
+            self.own.get(slot).unwrap_or_else(|| &self.guests[slot - self.own.len()])
         })
     }
 
     /// Whether the block has no ids.
     pub fn is_empty(&self) -> bool {
-        self.places.is_empty()
+        self.slots.is_empty()
     }
 }
 

@@ -101,11 +101,11 @@ pub struct Order {
 
 impl Order {
     /// For a cloud of the given `sizes` (m) and lists of the given `reach` (m); both the same on all ranks.
-    pub fn new(sizes: [f64; 3], reach: f64) -> Self {
+    pub fn new(sizes: [f64; 3], cutoff: f64) -> Self {
         let mut axes = [0, 1, 2];
         // Stable: equal sizes keep x before y before z.
         axes.sort_by(|&a, &b| sizes[b].total_cmp(&sizes[a]));
-        Order { width: reach, axes }
+        Order { width: cutoff, axes }
     }
 
     /// Where particle `id` at `x` (m) stands.
@@ -124,11 +124,11 @@ pub struct Block {
     /// The owned particles.
     pub range: Range<usize>,
     /// Places of own particles that other blocks or ranks see, ascending.
-    pub seen: Vec<u32>,
+    pub exported: Vec<u32>,
     /// Places between those that are seen: all of these are at both ends.
-    pub hidden: Range<usize>,
+    pub interior: Range<usize>,
     /// Particles of other blocks, and ghosts, that are on the lists: their local indices, ascending.
-    pub visitors: Vec<u32>,
+    pub ghosts: Vec<u32>,
     /// Places of pairs with a particle in `range`, each the earlier one in the order of sums first, in that order.
     pub pairs: Vec<[u32; 2]>,
     /// The pairs that may be within the cut-off before a particle has moved by half the inner skin.
@@ -143,35 +143,35 @@ pub struct Block {
 
 impl Block {
     /// Local index of the body at a place.
-    pub fn index(&self, place: u32) -> usize {
-        let place = place as usize;
-        match place.checked_sub(self.range.len()) {
-            None => self.range.start + place,
-            Some(visitor) => self.visitors[visitor] as usize,
+    pub fn index(&self, slot: u32) -> usize {
+        let slot = slot as usize;
+        match slot.checked_sub(self.range.len()) {
+            None => self.range.start + slot,
+            Some(ghost) => self.ghosts[ghost] as usize,
         }
     }
 
     /// Whether a place is that of an own particle.
-    pub fn owns(&self, place: u32) -> bool {
-        (place as usize) < self.range.len()
+    pub fn owns(&self, slot: u32) -> bool {
+        (slot as usize) < self.range.len()
     }
 
     /// Local indices of the pairs whose first particle is in the block: over all blocks of all ranks every pair once.
     pub fn first_pairs(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
         let first = self.pairs.iter().filter(|[i, _]| self.owns(*i));
-        first.map(|pair| pair.map(|place| self.index(place)))
+        first.map(|pair| pair.map(|slot| self.index(slot)))
     }
 
     /// Local index and wall, of every wall contact.
     pub fn wall_contacts(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
-        self.walls.iter().map(|&[place, wall]| [self.index(place), wall as usize])
+        self.walls.iter().map(|&[slot, wall]| [self.index(slot), wall as usize])
     }
 
     /// Picks the pairs within `reach` (m) for `near`, and the walls within theirs (m) for `near_walls`; `bodies` by place.
-    pub fn pick_near<W>(&mut self, bodies: &[Motion<W>], reach: f64, (walls, wall_reach): (&[Wall], f64)) {
+    pub fn pick_near<W>(&mut self, bodies: &[Motion<W>], cutoff: f64, (walls, wall_cutoff): (&[Wall], f64)) {
         self.near_walls.clear();
         // What is not a number is not far: it must show.
-        let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&bodies[i as usize].x) > wall_reach;
+        let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&bodies[i as usize].x) > wall_cutoff;
         self.near_walls.extend(self.walls.iter().copied().filter(|contact| !far(contact)));
         // Without a branch: written always, kept by moving on.
         self.near.resize(self.pairs.len(), [0; 2]);
@@ -180,7 +180,7 @@ impl Block {
             let apart = bodies[pair[0] as usize].x - bodies[pair[1] as usize].x;
             self.near[kept] = pair;
             // What is not a number is not far: it must show.
-            let far = apart.norm_squared() > reach * reach;
+            let far = apart.norm_squared() > cutoff * cutoff;
             kept += usize::from(!far);
         }
         self.near.truncate(kept);
@@ -189,18 +189,14 @@ impl Block {
         self.horizon.reserve(self.pairs.len().div_ceil(BATCH));
         let own = self.range.len() as u32;
         let horizon = |pairs: &[[u32; 2]]| {
-            pairs
-                .as_flattened()
-                .iter()
-                .filter(|&&place| place < own)
-                .fold(0, |most, place| most.max(place + 1))
+            pairs.as_flattened().iter().filter(|&&slot| slot < own).fold(0, |most, slot| most.max(slot + 1))
         };
         self.horizon.extend(self.near.chunks(BATCH).map(horizon));
     }
 
     fn bytes(&self) -> usize {
         let lists = [&self.pairs, &self.near, &self.walls, &self.near_walls].map(Vec::capacity);
-        let singles = self.horizon.capacity() + self.visitors.capacity() + self.seen.capacity();
+        let singles = self.horizon.capacity() + self.ghosts.capacity() + self.exported.capacity();
         lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + singles * size_of::<u32>()
     }
 }
@@ -221,12 +217,12 @@ impl Lists {
         x: &[Vec3],
         keys: &[Key],
         owned: usize,
-        reach: f64,
+        cutoff: f64,
         walls: (&[Wall], f64),
         blocks: usize,
     ) {
         let bounds: Vec<usize> = (0..=blocks).map(|b| owned * b / blocks).collect();
-        self.rebuild_between(&bounds, x, keys, reach, walls);
+        self.rebuild_between(&bounds, x, keys, cutoff, walls);
     }
 
     /// `rebuild` in blocks with these `bounds`, from 0 to the number of owned particles.
@@ -235,25 +231,25 @@ impl Lists {
         bounds: &[usize],
         x: &[Vec3],
         keys: &[Key],
-        reach: f64,
+        cutoff: f64,
         walls: (&[Wall], f64),
     ) {
         let owned = bounds[bounds.len() - 1];
         debug_assert!(keys[..owned].is_sorted(), "the owned particles are in the order of sums");
         assert!(x.len() < 1 << 32, "a rank knows fewer than 2^32 particles: more ranks share the work");
-        let cells = Cells::new(x, reach);
+        let cells = Cells::new(x, cutoff);
         let mut order: Vec<u32> = (0..x.len() as u32).collect();
         order.sort_unstable_by_key(|&i| keys[i as usize]);
-        let mut place = vec![0; x.len()];
+        let mut position = vec![0; x.len()];
         for (k, &i) in order.iter().enumerate() {
-            place[i as usize] = k as u32;
+            position[i as usize] = k as u32;
         }
         self.blocks.resize_with(bounds.len() - 1, Block::default);
         for (block, ends) in self.blocks.iter_mut().zip(bounds.windows(2)) {
             block.range = ends[0]..ends[1];
         }
         threads::each(&mut self.blocks, &|block: &mut Block| {
-            block.list_pairs(x, &cells, [&place, &order], reach);
+            block.list_pairs(x, &cells, [&position, &order], cutoff);
             block.list_walls(x, walls);
         });
     }
@@ -264,31 +260,31 @@ impl Lists {
     }
 
     /// Finds what is seen of every block, where other ranks see the owned particles `sent` (local indices).
-    pub fn find_seen(&mut self, sent: impl Iterator<Item = usize>) {
+    pub fn find_exported(&mut self, exports: impl Iterator<Item = usize>) {
         let owned = self.blocks.last().map_or(0, |block| block.range.end);
-        let visitors = self.blocks.iter().flat_map(|block| block.visitors.iter().map(|&i| i as usize));
-        let seen: Vec<usize> = visitors.filter(|&i| i < owned).chain(sent).collect();
-        self.blocks.iter_mut().for_each(|block| block.seen.clear());
-        for i in seen {
+        let ghosts = self.blocks.iter().flat_map(|block| block.ghosts.iter().map(|&i| i as usize));
+        let exported: Vec<usize> = ghosts.filter(|&i| i < owned).chain(exports).collect();
+        self.blocks.iter_mut().for_each(|block| block.exported.clear());
+        for i in exported {
             let b = self.block_of(i);
             let block = &mut self.blocks[b];
-            block.seen.push((i - block.range.start) as u32);
+            block.exported.push((i - block.range.start) as u32);
         }
-        for Block { range, seen, hidden, .. } in &mut self.blocks {
-            seen.sort_unstable();
-            seen.dedup();
-            let middle = seen.partition_point(|&place| (place as usize) < range.len() / 2);
-            let (front, back) = seen.split_at(middle);
-            hidden.start = front.last().map_or(0, |&place| place as usize + 1);
-            hidden.end = back.first().map_or(range.len(), |&place| place as usize);
+        for Block { range, exported, interior, .. } in &mut self.blocks {
+            exported.sort_unstable();
+            exported.dedup();
+            let middle = exported.partition_point(|&slot| (slot as usize) < range.len() / 2);
+            let (front, back) = exported.split_at(middle);
+            interior.start = front.last().map_or(0, |&slot| slot as usize + 1);
+            interior.end = back.first().map_or(range.len(), |&slot| slot as usize);
         }
     }
 
     /// Block of an owned particle that is seen (local index), and which of those it is.
-    pub fn place_of_seen(&self, i: usize) -> [u32; 2] {
+    pub fn outbox_slot(&self, i: usize) -> [u32; 2] {
         let b = self.block_of(i);
-        let Block { range, seen, .. } = &self.blocks[b];
-        [b as u32, seen.partition_point(|&place| (place as usize) < i - range.start) as u32]
+        let Block { range, exported, .. } = &self.blocks[b];
+        [b as u32, exported.partition_point(|&slot| (slot as usize) < i - range.start) as u32]
     }
 
     fn block_of(&self, i: usize) -> usize {
@@ -302,19 +298,19 @@ impl Lists {
 }
 
 impl Block {
-    /// `place` is where particles stand in the order of sums, `order` who stands there.
-    fn list_pairs(&mut self, x: &[Vec3], cells: &Cells, [place, order]: [&[u32]; 2], reach: f64) {
+    /// `position` is that of each particle in the summation order, `order` the particle at each position.
+    fn list_pairs(&mut self, x: &[Vec3], cells: &Cells, [position, order]: [&[u32]; 2], cutoff: f64) {
         let (mut own, mut foreign) = (Vec::new(), Vec::new());
         for i in self.range.clone() {
             let first = own.len();
             cells.for_each_near(&x[i], |j| {
                 let j = j as usize;
-                let (here, there) = (place[i], place[j]);
+                let (here, there) = (position[i], position[j]);
                 // Both in the range: found from both sides, kept from the earlier one.
                 let earlier = here < there;
                 if j != i
                     && (earlier || !self.range.contains(&j))
-                    && (x[i] - x[j]).norm_squared() <= reach * reach
+                    && (x[i] - x[j]).norm_squared() <= cutoff * cutoff
                 {
                     if earlier { own.push([here, there]) } else { foreign.push([there, here]) }
                 }
@@ -332,35 +328,35 @@ impl Block {
         }
         self.pairs.extend(foreign);
         self.pairs.shrink_to(self.pairs.len() + self.pairs.len() / 8);
-        self.seat(order);
+        self.load_bodies(order);
     }
 
     /// Makes places in the block of the places in the order of sums that the pairs have, where `order` says who stands
     /// there.
-    fn seat(&mut self, order: &[u32]) {
-        let (range, visitors) = (&self.range, &mut self.visitors);
-        visitors.clear();
+    fn load_bodies(&mut self, order: &[u32]) {
+        let (range, ghosts) = (&self.range, &mut self.ghosts);
+        ghosts.clear();
         for pair in &mut self.pairs {
-            *pair = pair.map(|place| order[place as usize]);
-            visitors.extend(pair.iter().copied().filter(|&i| !range.contains(&(i as usize))));
+            *pair = pair.map(|slot| order[slot as usize]);
+            ghosts.extend(pair.iter().copied().filter(|&i| !range.contains(&(i as usize))));
         }
-        visitors.sort_unstable();
-        visitors.dedup();
-        visitors.shrink_to_fit();
-        for place in self.pairs.as_flattened_mut() {
-            let i = *place as usize;
-            *place = if range.contains(&i) {
+        ghosts.sort_unstable();
+        ghosts.dedup();
+        ghosts.shrink_to_fit();
+        for slot in self.pairs.as_flattened_mut() {
+            let i = *slot as usize;
+            *slot = if range.contains(&i) {
                 (i - range.start) as u32
             } else {
-                (range.len() + visitors.partition_point(|visitor| visitor < place)) as u32
+                (range.len() + ghosts.partition_point(|ghost| ghost < slot)) as u32
             };
         }
     }
 
-    fn list_walls(&mut self, x: &[Vec3], (walls, reach): (&[Wall], f64)) {
+    fn list_walls(&mut self, x: &[Vec3], (walls, cutoff): (&[Wall], f64)) {
         self.walls.clear();
         for i in self.range.clone() {
-            let near = walls.iter().enumerate().filter(|(_, wall)| wall.depth(&x[i]) <= reach);
+            let near = walls.iter().enumerate().filter(|(_, wall)| wall.depth(&x[i]) <= cutoff);
             self.walls.extend(near.map(|(k, _)| [(i - self.range.start) as u32, k as u32]));
         }
     }
@@ -386,29 +382,29 @@ mod tests {
         x: &[Vec3],
         keys: &[Key],
         owned: usize,
-        reach: f64,
+        cutoff: f64,
         blocks: usize,
     ) -> (Lists, BTreeSet<[u64; 2]>) {
         let mut lists = Lists::default();
-        lists.rebuild(x, keys, owned, reach, (&[], 0.0), blocks);
+        lists.rebuild(x, keys, owned, cutoff, (&[], 0.0), blocks);
         let mut set = BTreeSet::new();
         for block in &lists.blocks {
             let pairs: Vec<[Key; 2]> =
-                block.pairs.iter().map(|pair| pair.map(|place| keys[block.index(place)])).collect();
+                block.pairs.iter().map(|pair| pair.map(|slot| keys[block.index(slot)])).collect();
             assert!(pairs.iter().all(|[a, b]| a < b));
             assert!(pairs.windows(2).all(|w| w[0] < w[1]), "pairs are in the order of sums, each once");
-            assert!(block.visitors.iter().all(|&i| !block.range.contains(&(i as usize))));
-            assert!(block.pairs.iter().all(|pair| pair.iter().any(|&place| block.owns(place))));
+            assert!(block.ghosts.iter().all(|&i| !block.range.contains(&(i as usize))));
+            assert!(block.pairs.iter().all(|pair| pair.iter().any(|&slot| block.owns(slot))));
             set.extend(pairs.iter().map(|pair| pair.map(|(_, id)| id)));
         }
         (lists, set)
     }
 
-    fn brute_force(x: &[Vec3], keys: &[Key], owned: usize, reach: f64) -> BTreeSet<[u64; 2]> {
+    fn brute_force(x: &[Vec3], keys: &[Key], owned: usize, cutoff: f64) -> BTreeSet<[u64; 2]> {
         let mut set = BTreeSet::new();
         for i in 0..owned {
             for j in i + 1..x.len() {
-                if (x[i] - x[j]).norm_squared() <= reach * reach {
+                if (x[i] - x[j]).norm_squared() <= cutoff * cutoff {
                     let (i, j) = if keys[i] < keys[j] { (i, j) } else { (j, i) };
                     set.insert([keys[i].1, keys[j].1]);
                 }
@@ -455,7 +451,7 @@ mod tests {
                 let partners: Vec<Key> = block
                     .pairs
                     .iter()
-                    .map(|pair| pair.map(|place| block.index(place)))
+                    .map(|pair| pair.map(|slot| block.index(slot)))
                     .filter(|pair| pair.contains(&i))
                     .map(|[a, b]| keys[if a == i { b } else { a }])
                     .collect();
@@ -471,10 +467,10 @@ mod tests {
         let (mut lists, _) = listed(&x, &keys, 100, 0.3, 2);
         let body = |x: &Vec3| Motion { x: *x, v: Vec3::zeros(), omega: Locked };
         for block in &mut lists.blocks {
-            let places = 0..(block.range.len() + block.visitors.len()) as u32;
-            let bodies: Vec<_> = places.map(|place| body(&x[block.index(place)])).collect();
+            let slots = 0..(block.range.len() + block.ghosts.len()) as u32;
+            let bodies: Vec<_> = slots.map(|slot| body(&x[block.index(slot)])).collect();
             block.pick_near(&bodies, 0.25, (&[], 0.0));
-            let at = |place: &u32| bodies[*place as usize].x;
+            let at = |slot: &u32| bodies[*slot as usize].x;
             let within = |[i, j]: &[u32; 2]| (at(i) - at(j)).norm() <= 0.25;
             let expected: Vec<_> = block.pairs.iter().copied().filter(within).collect();
             assert!(expected.len() > 10 && expected.len() < block.pairs.len());
@@ -527,7 +523,7 @@ mod tests {
         let points = proptest::collection::vec(point, 1..90);
         // Where one is far away the table is of another shape, so most clouds have none.
         (sizes, points, prop_oneof![3 => Just(false), 1 => Just(true)]).prop_map(|(sizes, points, far)| {
-            let place = |size: f64, x: f64| {
+            let coordinate = |size: f64, x: f64| {
                 if x.abs() <= 2.0 {
                     size * x
                 } else if far {
@@ -536,7 +532,7 @@ mod tests {
                     0.1
                 }
             };
-            points.into_iter().map(|x| Vec3::from_fn(|axis, _| place(sizes[axis], x[axis]))).collect()
+            points.into_iter().map(|x| Vec3::from_fn(|axis, _| coordinate(sizes[axis], x[axis]))).collect()
         })
     }
 
@@ -550,16 +546,16 @@ mod tests {
             blocks in 1usize..6,
             sizes in proptest::array::uniform3(0.1..10.0f64),
         ) {
-            let (reach, n) = (0.3, x.len());
+            let (cutoff, n) = (0.3, x.len());
             let owned = (share * (n + 1) as f64) as usize;
-            let order = Order::new(sizes, reach);
+            let order = Order::new(sizes, cutoff);
             let mut all: Vec<_> = x.into_iter().zip(0u64..).map(|(x, id)| (order.key(&x, id), x)).collect();
             all[..owned].sort_unstable_by_key(|(key, _)| *key);
             let (x, keys): (Vec<_>, Vec<_>) = all.into_iter().map(|(key, x)| (x, key)).unzip();
-            let (_, found) = listed(&x, &keys, owned, reach, blocks);
+            let (_, found) = listed(&x, &keys, owned, cutoff, blocks);
             // A pair at the very reach may lie two cells apart by rounding, and is a skin away from mattering.
-            let within = brute_force(&x, &keys, owned, reach * (1.0 - 1e-9));
-            let not_beyond = brute_force(&x, &keys, owned, reach);
+            let within = brute_force(&x, &keys, owned, cutoff * (1.0 - 1e-9));
+            let not_beyond = brute_force(&x, &keys, owned, cutoff);
             prop_assert!(found.is_superset(&within), "missing: {:?}", within.difference(&found));
             prop_assert!(found.is_subset(&not_beyond), "too many: {:?}", found.difference(&not_beyond));
         }

@@ -42,14 +42,14 @@ pub struct Elastic;
 #[derive(Debug, Clone, Copy)]
 pub struct Dissipative {
     e2: f64,
-    lost: f64,
+    dissipated: f64,
     two_psi: f64,
 }
 
 impl Dissipative {
     /// Coefficient of restitution `e` (0..1) and focusing coefficient `psi` (s/m).
     pub fn new(e: f64, psi: f64) -> Self {
-        Dissipative { e2: e * e, lost: 1.0 - e * e, two_psi: 2.0 * psi }
+        Dissipative { e2: e * e, dissipated: 1.0 - e * e, two_psi: 2.0 * psi }
     }
 }
 
@@ -67,7 +67,7 @@ impl Rebound for Dissipative {
     #[inline(always)]
     fn share<A: Arithmetic>(&self, v: f64) -> f64 {
         let exponential = exp_within::<A>(at_least(-80.0, at_most(80.0, -self.two_psi * v)));
-        A::add_product(self.lost, inverse::<A>(1.0 + exponential), self.e2)
+        A::add_product(self.dissipated, inverse::<A>(1.0 + exponential), self.e2)
     }
 }
 

@@ -5,7 +5,10 @@
 //! stay bounded along the negative real axis up to 0.65 s^2, so that s right-hand sides cover a stiffness that s^2/5
 //! steps of a classical method would need.
 
-use super::{Anchor, Ivp, Linear, Losses, Method, Norm, SpectralRadius, Trial, Verdict, add_losses, hermite};
+use super::{
+    Dissipation, Ivp, Linear, Method, Norm, SpectralRadius, StepStart, TrialOutcome, TrialStep,
+    add_dissipation, hermite,
+};
 use crate::math::larger;
 
 /// Damping epsilon: the polynomials stay below 1 - epsilon/3 in magnitude, and the stable region is a strip instead of
@@ -102,11 +105,17 @@ pub struct Chebyshev {
 impl Chebyshev {
     /// Estimate of the local error of particle `i`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
     #[inline(always)]
-    fn error<S: Linear>(i: usize, h: f64, norm: &Norm, anchor: &Anchor<S>, (next, slope): (&S, &S)) -> f64 {
+    fn error<S: Linear>(
+        i: usize,
+        h: f64,
+        norm: &Norm,
+        step_start: &StepStart<S>,
+        (next, slope): (&S, &S),
+    ) -> f64 {
         let mut error = S::zero();
-        error.add_scaled(0.8, &anchor.y[i]);
+        error.add_scaled(0.8, &step_start.y[i]);
         error.add_scaled(-0.8, next);
-        error.add_scaled(0.4 * h, &anchor.slope[i]);
+        error.add_scaled(0.4 * h, &step_start.slope[i]);
         error.add_scaled(0.4 * h, slope);
         let scale = if norm.rate { 3.0 / h } else { 1.0 };
         scale * error.magnitude(&norm.weights)
@@ -131,21 +140,21 @@ impl<P: Ivp> Method<P> for Chebyshev {
     fn stable_step(
         &mut self,
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
-        trial: &mut Trial<P::State>,
+        step_start: &mut StepStart<P::State>,
+        trial: &mut TrialStep<P::State>,
     ) -> (f64, u64) {
-        let (bound, evaluations) = self.spectral_bound(ivp, anchor, trial);
+        let (bound, evaluations) = self.spectral_bound(ivp, step_start, trial);
         (real_stability(MOST_STAGES) / bound, evaluations)
     }
 
     fn spectral_bound(
         &mut self,
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
-        trial: &mut Trial<P::State>,
+        step_start: &mut StepStart<P::State>,
+        trial: &mut TrialStep<P::State>,
     ) -> (f64, u64) {
         ivp.begin();
-        let evaluations = anchor.find_slope(ivp) + self.radius.update(ivp, anchor, trial);
+        let evaluations = step_start.find_slope(ivp) + self.radius.update(ivp, step_start, trial);
         (self.radius.bound(), evaluations)
     }
 
@@ -156,20 +165,20 @@ impl<P: Ivp> Method<P> for Chebyshev {
     fn attempt(
         &mut self,
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
+        step_start: &mut StepStart<P::State>,
         h: f64,
         norm: &Norm,
-        trial: &mut Trial<P::State>,
-    ) -> Verdict {
-        let n = anchor.y.len();
+        trial: &mut TrialStep<P::State>,
+    ) -> TrialOutcome {
+        let n = step_start.y.len();
         trial.reset(n, CHANGES);
         ivp.begin();
-        trial.evaluations = anchor.find_slope(ivp);
+        trial.evaluations = step_start.find_slope(ivp);
         let s = stages_for(h * self.radius.bound()).min(MOST_STAGES);
         if s != self.table.len() {
             tabulate(s, &mut self.table);
         }
-        let (y, first, table) = (&anchor.y[..], &anchor.slope[..], &self.table[..]);
+        let (y, first, table) = (&step_start.y[..], &step_start.slope[..], &self.table[..]);
         // The oldest change gives its place to the new one, the last slope and stage to the next: what they are made of is at
         // the same index.
         let make = move |j: usize,
@@ -198,32 +207,32 @@ impl<P: Ivp> Method<P> for Chebyshev {
                 next.copy_from_slice(stages);
             }
         };
-        let mut lost: [Losses; 2] = [[0.0; 2]; 2];
-        let mut losses = anchor.losses;
-        let Trial { next, slope, stages, .. } = &mut *trial;
+        let mut dissipated: [Dissipation; 2] = [[0.0; 2]; 2];
+        let mut dissipation = step_start.dissipation;
+        let TrialStep { next, slope, stages, .. } = &mut *trial;
         let [even, odd, ..] = &mut stages[..] else { unreachable!("there is room for two") };
         for (j, row) in table.iter().enumerate() {
             let mut sum = [0.0; 2];
             if j > 0 {
-                add_losses(&mut sum, row.mu, &lost[0]);
-                add_losses(&mut sum, row.nu, &lost[1]);
-                add_losses(&mut sum, h * row.gamma, &anchor.losses);
+                add_dissipation(&mut sum, row.mu, &dissipated[0]);
+                add_dissipation(&mut sum, row.nu, &dissipated[1]);
+                add_dissipation(&mut sum, h * row.gamma, &step_start.dissipation);
             }
-            add_losses(&mut sum, h * row.mu_slope, &losses);
-            lost = [sum, lost[0]];
-            ivp.rhs_of(anchor.t + row.c * h, y, [j, s], [next, even, odd], slope, &make);
-            losses = ivp.losses();
+            add_dissipation(&mut sum, h * row.mu_slope, &dissipation);
+            dissipated = [sum, dissipated[0]];
+            ivp.rhs_of(step_start.t + row.c * h, y, [j, s], [next, even, odd], slope, &make);
+            dissipation = ivp.dissipation();
         }
         trial.evaluations += s as u64;
-        (trial.slope_known, trial.losses, trial.lost) = (true, losses, lost[0]);
-        let Trial { next, slope, .. } = trial;
+        (trial.slope_known, trial.dissipation, trial.dissipated) = (true, dissipation, dissipated[0]);
+        let TrialStep { next, slope, .. } = trial;
         let error = |start: usize, part: &mut [P::State]| {
             let ends = part.iter().zip(&slope[start..]);
             (start..)
                 .zip(ends)
-                .fold(0.0, |worst, (i, end)| larger(worst, Self::error(i, h, norm, anchor, end)))
+                .fold(0.0, |worst, (i, end)| larger(worst, Self::error(i, h, norm, step_start, end)))
         };
-        ivp.agree(&anchor.y, next, &error)
+        ivp.agree(&step_start.y, next, &error)
     }
 
     fn has_inside(&self) -> bool {
@@ -234,11 +243,11 @@ impl<P: Ivp> Method<P> for Chebyshev {
         &self,
         share: f64,
         h: f64,
-        anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        step_start: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
         i: usize,
     ) -> Option<P::State> {
-        let ends = [[&anchor.y[i], &anchor.slope[i]], [&trial.next[i], &trial.slope[i]]];
+        let ends = [[&step_start.y[i], &step_start.slope[i]], [&trial.next[i], &trial.slope[i]]];
         Some(hermite(share, h, ends[0], ends[1]))
     }
 
@@ -251,10 +260,10 @@ impl<P: Ivp> Method<P> for Chebyshev {
         i: usize,
         h: f64,
         norm: &Norm,
-        anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        step_start: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
     ) -> f64 {
-        Self::error(i, h, norm, anchor, (&trial.next[i], &trial.slope[i]))
+        Self::error(i, h, norm, step_start, (&trial.next[i], &trial.slope[i]))
     }
 
     fn stages(&self) -> usize {

@@ -2,8 +2,8 @@
 
 use crate::ode::method_switch::{MethodSwitch, Tally};
 use crate::ode::{
-    Anchor, Chebyshev, DORMAND_PRINCE, Ivp, Limit, MERSON, Method, MethodName, Norm, RungeKutta,
-    SpectralRadius, Tableau, Trial, Verdict, Verlet,
+    Chebyshev, DORMAND_PRINCE, Ivp, Limit, MERSON, Method, MethodName, Norm, RungeKutta, SpectralRadius,
+    StepStart, Tableau, TrialOutcome, TrialStep, Verlet,
 };
 use serde::{Deserialize, Serialize};
 
@@ -62,8 +62,8 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
     pub fn prepare(
         &mut self,
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
-        trial: &mut Trial<P::State>,
+        step_start: &mut StepStart<P::State>,
+        trial: &mut TrialStep<P::State>,
     ) -> u64 {
         if self.stable.is_some() {
             return 0;
@@ -73,7 +73,7 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         if let Some((resting, switch)) = &mut self.resting {
             if switch.wants_stiffness() {
                 let bound;
-                (bound, evaluations) = resting.spectral_bound(ivp, anchor, trial);
+                (bound, evaluations) = resting.spectral_bound(ivp, step_start, trial);
                 switch.learn(bound);
             }
             if let Some(limit) = switch.change() {
@@ -81,7 +81,7 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
                 cap = limit;
             }
         }
-        let (stable, more) = self.active.stable_step(ivp, anchor, trial);
+        let (stable, more) = self.active.stable_step(ivp, step_start, trial);
         self.stable = Some(stable.min(cap));
         evaluations += more;
         self.spent += evaluations;
@@ -136,14 +136,14 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
     pub fn attempt(
         &mut self,
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
+        step_start: &mut StepStart<P::State>,
         h: f64,
         norm: &Norm,
-        trial: &mut Trial<P::State>,
-    ) -> Verdict {
-        let verdict = self.active.attempt(ivp, anchor, h, norm, trial);
+        trial: &mut TrialStep<P::State>,
+    ) -> TrialOutcome {
+        let outcome = self.active.attempt(ivp, step_start, h, norm, trial);
         self.spent += trial.evaluations;
-        verdict
+        outcome
     }
 
     /// The state at a `share` of the last trial, a step `h` (s) that stands, if the method has a dense output.
@@ -151,10 +151,10 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         &self,
         share: f64,
         h: f64,
-        anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        step_start: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
     ) -> Option<Vec<P::State>> {
-        (0..anchor.y.len()).map(|i| self.active.inside(share, h, anchor, trial, i)).collect()
+        (0..step_start.y.len()).map(|i| self.active.inside(share, h, step_start, trial, i)).collect()
     }
 
     /// Whether `inside` gives states.
@@ -182,10 +182,10 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         i: usize,
         h: f64,
         norm: &Norm,
-        anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        step_start: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
     ) -> f64 {
-        self.active.error_of(i, h, norm, anchor, trial)
+        self.active.error_of(i, h, norm, step_start, trial)
     }
 
     /// State vectors that anchor and trial may come to hold: state and slope at both ends of a step, what the methods keep

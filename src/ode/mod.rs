@@ -58,7 +58,7 @@ pub trait Linear: Copy + Send + Sync {
 
 /// What all ranks know after a trial step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Verdict {
+pub struct TrialOutcome {
     /// Largest error over all components of all particles; +infinity when anything is not finite.
     pub error: f64,
     /// The neighbour lists covered every stage and the result: if not, the trial says nothing.
@@ -95,7 +95,7 @@ pub trait Ivp {
         self.rhs(t, &stage, dydt);
     }
     /// Power lost in the last right-hand side by rebound and by friction, W; zero where nobody asked for it.
-    fn losses(&self) -> Losses {
+    fn dissipation(&self) -> Dissipation {
         [0.0; 2]
     }
     /// Ends the trial from `y` that `begin` started with the result `next`. `finish(first, part)` is called once for every
@@ -106,7 +106,7 @@ pub trait Ivp {
         y: &[Self::State],
         next: &mut [Self::State],
         finish: &(impl Fn(usize, &mut [Self::State]) -> f64 + Sync),
-    ) -> Verdict;
+    ) -> TrialOutcome;
     /// Length of a vector of the state space over all ranks, in a norm in which the stiff part of f is close to
     /// symmetric; velocities dominate it. Collective.
     fn length(&mut self, v: &[Self::State]) -> f64;
@@ -118,17 +118,17 @@ pub trait Ivp {
 }
 
 /// Power (W) or energy (J) lost by rebound and by friction.
-pub type Losses = [f64; 2];
+pub type Dissipation = [f64; 2];
 
 /// Adds `s * other`.
-pub(crate) fn add_losses(sum: &mut Losses, s: f64, other: &Losses) {
+pub(crate) fn add_dissipation(sum: &mut Dissipation, s: f64, other: &Dissipation) {
     sum[0] += s * other[0];
     sum[1] += s * other[1];
 }
 
 /// Where a step starts, and all that belongs to it: what moves along when particles change their places in memory.
 #[derive(Debug, Clone)]
-pub struct Anchor<S> {
+pub struct StepStart<S> {
     /// Time, s.
     pub t: f64,
     /// Last accepted state of the owned particles.
@@ -137,23 +137,23 @@ pub struct Anchor<S> {
     pub slope: Vec<S>,
     /// Whether `slope` is f.
     pub slope_known: bool,
-    /// Losses in `slope`, W.
-    pub losses: Losses,
+    /// Dissipation in `slope`, W.
+    pub dissipation: Dissipation,
     /// The stiffest direction, as far as it is known; of no use unless `direction_known`.
     pub direction: Vec<S>,
     /// Whether `direction` is one: the same on every rank, also where there are no particles.
     pub direction_known: bool,
 }
 
-impl<S: Linear> Anchor<S> {
+impl<S: Linear> StepStart<S> {
     /// At `y` at time `t` (s).
     pub fn new(t: f64, y: Vec<S>) -> Self {
-        Anchor {
+        StepStart {
             t,
             y,
             slope: Vec::new(),
             slope_known: false,
-            losses: [0.0; 2],
+            dissipation: [0.0; 2],
             direction: Vec::new(),
             direction_known: false,
         }
@@ -166,7 +166,7 @@ impl<S: Linear> Anchor<S> {
         }
         fit(&mut self.slope, self.y.len());
         ivp.rhs(self.t, &self.y, &mut self.slope);
-        self.losses = ivp.losses();
+        self.dissipation = ivp.dissipation();
         self.slope_known = true;
         1
     }
@@ -180,7 +180,7 @@ impl<S: Linear> Anchor<S> {
 /// The result of a trial step, and the room in which it is worked out. Between two trials that room serves whatever asks
 /// for right-hand sides: there is one for all methods, of which one is at work at a time.
 #[derive(Debug, Clone)]
-pub struct Trial<S> {
+pub struct TrialStep<S> {
     /// State at its end.
     pub next: Vec<S>,
     /// f at its end, if the method knows it; else a slope inside of the step.
@@ -189,29 +189,29 @@ pub struct Trial<S> {
     pub stages: Vec<Vec<S>>,
     /// Whether `slope` is f.
     pub slope_known: bool,
-    /// Losses in `slope`, W.
-    pub losses: Losses,
+    /// Dissipation in `slope`, W.
+    pub dissipation: Dissipation,
     /// Energy lost in the step by rebound and by friction, J.
-    pub lost: Losses,
+    pub dissipated: Dissipation,
     /// Right-hand sides that the trial took.
     pub evaluations: u64,
 }
 
-impl<S> Default for Trial<S> {
+impl<S> Default for TrialStep<S> {
     fn default() -> Self {
-        Trial {
+        TrialStep {
             next: Vec::new(),
             slope: Vec::new(),
             stages: Vec::new(),
             slope_known: false,
-            losses: [0.0; 2],
-            lost: [0.0; 2],
+            dissipation: [0.0; 2],
+            dissipated: [0.0; 2],
             evaluations: 0,
         }
     }
 }
 
-impl<S: Linear> Trial<S> {
+impl<S: Linear> TrialStep<S> {
     /// Room for `n` particles, in `stages` vectors beside the result and its slope.
     fn reset(&mut self, n: usize, stages: usize) {
         if self.stages.len() < stages {
@@ -221,7 +221,7 @@ impl<S: Linear> Trial<S> {
         fit(&mut self.next, n);
         fit(&mut self.slope, n);
         self.slope_known = false;
-        self.lost = [0.0; 2];
+        self.dissipated = [0.0; 2];
         self.evaluations = 0;
     }
 
@@ -263,19 +263,19 @@ pub trait Method<P: Ivp> {
     fn attempt(
         &mut self,
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
+        step_start: &mut StepStart<P::State>,
         h: f64,
         norm: &Norm,
-        trial: &mut Trial<P::State>,
-    ) -> Verdict;
+        trial: &mut TrialStep<P::State>,
+    ) -> TrialOutcome;
     /// The largest step (s) that is stable from `anchor`, as far as the method knows; infinite if its error tells.
     /// May evaluate right-hand sides, whose number it returns. Collective.
     /// `trial` lends its room and loses its result.
     fn stable_step(
         &mut self,
         _ivp: &mut P,
-        _anchor: &mut Anchor<P::State>,
-        _trial: &mut Trial<P::State>,
+        _anchor: &mut StepStart<P::State>,
+        _trial: &mut TrialStep<P::State>,
     ) -> (f64, u64) {
         (f64::INFINITY, 0)
     }
@@ -284,8 +284,8 @@ pub trait Method<P: Ivp> {
     fn spectral_bound(
         &mut self,
         _ivp: &mut P,
-        _anchor: &mut Anchor<P::State>,
-        _trial: &mut Trial<P::State>,
+        _anchor: &mut StepStart<P::State>,
+        _trial: &mut TrialStep<P::State>,
     ) -> (f64, u64) {
         (f64::INFINITY, 0)
     }
@@ -303,8 +303,8 @@ pub trait Method<P: Ivp> {
         &self,
         share: f64,
         h: f64,
-        anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        step_start: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
         i: usize,
     ) -> Option<P::State>;
     /// Error of owned particle `i` in the last trial, of step `h` (s).
@@ -313,10 +313,10 @@ pub trait Method<P: Ivp> {
         i: usize,
         h: f64,
         norm: &Norm,
-        anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        step_start: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
     ) -> f64;
-    /// State vectors in [`Trial::stages`] that the method uses.
+    /// State vectors in [`TrialStep::stages`] that the method uses.
     fn stages(&self) -> usize;
     /// What the method remembers from one step to the next, if anything.
     fn memory(&self) -> Option<SpectralRadius> {

@@ -1,6 +1,8 @@
 //! One trial step of any explicit Runge-Kutta table.
 
-use super::{Anchor, Ivp, Linear, Losses, Method, Norm, Tableau, Trial, Verdict, add_losses};
+use super::{
+    Dissipation, Ivp, Linear, Method, Norm, StepStart, Tableau, TrialOutcome, TrialStep, add_dissipation,
+};
 use crate::math::larger;
 
 /// Stages of a table at most.
@@ -14,14 +16,14 @@ type Slopes<'a, S> = [&'a [S]; MOST];
 pub struct RungeKutta {
     tableau: &'static Tableau,
     /// Where the slopes of stages 1, 2, ... are kept.
-    places: Vec<usize>,
-    losses: Vec<Losses>,
+    slots: Vec<usize>,
+    dissipation: Vec<Dissipation>,
 }
 
 impl RungeKutta {
     /// For `tableau`.
     pub fn new(tableau: &'static Tableau) -> Self {
-        RungeKutta { tableau, places: places(tableau), losses: vec![[0.0; 2]; tableau.stages() - 1] }
+        RungeKutta { tableau, slots: slots(tableau), dissipation: vec![[0.0; 2]; tableau.stages() - 1] }
     }
 
     /// The slopes of a trial whose vectors are `slope` and `stages`.
@@ -29,8 +31,8 @@ impl RungeKutta {
     fn slopes<'a, S>(&self, first: &'a [S], slope: &'a [S], stages: &'a [Vec<S>]) -> Slopes<'a, S> {
         let mut slopes: Slopes<'a, S> = [&[]; MOST];
         slopes[0] = first;
-        for (slot, &place) in slopes[1..].iter_mut().zip(&self.places) {
-            *slot = if place == 0 { slope } else { &stages[place - 1] };
+        for (slope_at, &slot) in slopes[1..].iter_mut().zip(&self.slots) {
+            *slope_at = if slot == 0 { slope } else { &stages[slot - 1] };
         }
         slopes
     }
@@ -56,13 +58,13 @@ fn combine<S: Linear>(weights: &[f64], h: f64, slopes: &Slopes<S>, i: usize) -> 
 }
 
 /// The vector at a place, as `places` gives them.
-fn vector_at<'a, S>(place: usize, slope: &'a mut Vec<S>, stages: &'a mut [Vec<S>]) -> &'a mut Vec<S> {
-    if place == 0 { slope } else { &mut stages[place - 1] }
+fn vector_at<'a, S>(slot: usize, slope: &'a mut Vec<S>, stages: &'a mut [Vec<S>]) -> &'a mut Vec<S> {
+    if slot == 0 { slope } else { &mut stages[slot - 1] }
 }
 
 /// Where the slopes of stages 1, 2, ... of `tableau` are kept: 0 is the slope of the trial, k its `stages[k - 1]`. A slope
 /// that no later stage, nor result, error or dense output needs gives its place to the next one.
-fn places(tableau: &Tableau) -> Vec<usize> {
+fn slots(tableau: &Tableau) -> Vec<usize> {
     let end = tableau.stages();
     // No weight of a dense output vanishes inside of the step unless it always does.
     let inside = tableau.dense.map(|weights| weights(0.3));
@@ -74,21 +76,21 @@ fn places(tableau: &Tableau) -> Vec<usize> {
     };
     // The last stage that needs what is in a place. The slope of the trial waits for that of its end, if there is one.
     let mut taken = vec![if tableau.first_same_as_last { end } else { 0 }];
-    let mut places = Vec::new();
+    let mut slots = Vec::new();
     for s in 1..end {
         // When this slope comes its stage is already made.
-        let place = if tableau.first_same_as_last && s + 1 == end {
+        let slot = if tableau.first_same_as_last && s + 1 == end {
             0
         } else {
             taken.iter().position(|&last| last <= s).unwrap_or(taken.len())
         };
-        if place == taken.len() {
+        if slot == taken.len() {
             taken.push(end);
         }
-        taken[place] = last_use(s);
-        places.push(place);
+        taken[slot] = last_use(s);
+        slots.push(slot);
     }
-    places
+    slots
 }
 
 impl<P: Ivp> Method<P> for RungeKutta {
@@ -103,22 +105,22 @@ impl<P: Ivp> Method<P> for RungeKutta {
     fn attempt(
         &mut self,
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
+        step_start: &mut StepStart<P::State>,
         h: f64,
         norm: &Norm,
-        trial: &mut Trial<P::State>,
-    ) -> Verdict {
-        let n = anchor.y.len();
+        trial: &mut TrialStep<P::State>,
+    ) -> TrialOutcome {
+        let n = step_start.y.len();
         trial.reset(n, Method::<P>::stages(self));
         let table = self.tableau;
         ivp.begin();
-        trial.evaluations = anchor.find_slope(ivp);
-        let (y, first) = (&anchor.y, &anchor.slope);
-        let Trial { next, slope, stages, .. } = &mut *trial;
+        trial.evaluations = step_start.find_slope(ivp);
+        let (y, first) = (&step_start.y, &step_start.slope);
+        let TrialStep { next, slope, stages, .. } = &mut *trial;
         for s in 1..table.stages() {
             // The new slope takes the place of one that this stage may still be made of.
-            let place = self.places[s - 1];
-            let mut new = std::mem::take(vector_at(place, slope, stages));
+            let slot = self.slots[s - 1];
+            let mut new = std::mem::take(vector_at(slot, slope, stages));
             let slopes = self.slopes(first, slope, stages);
             let is_result = table.first_same_as_last && s + 1 == table.stages();
             let make = |_: usize,
@@ -135,9 +137,9 @@ impl<P: Ivp> Method<P> for RungeKutta {
                     next.copy_from_slice(stages);
                 }
             };
-            ivp.rhs_of(anchor.t + table.c[s] * h, y, [0, 1], [next], &mut new, &make);
-            *vector_at(place, slope, stages) = new;
-            self.losses[s - 1] = ivp.losses();
+            ivp.rhs_of(step_start.t + table.c[s] * h, y, [0, 1], [next], &mut new, &make);
+            *vector_at(slot, slope, stages) = new;
+            self.dissipation[s - 1] = ivp.dissipation();
         }
         let slopes = self.slopes(first, slope, stages);
         let finish = |start: usize, part: &mut [P::State]| {
@@ -152,17 +154,17 @@ impl<P: Ivp> Method<P> for RungeKutta {
             }
             worst
         };
-        let verdict = ivp.agree(y, next, &finish);
+        let outcome = ivp.agree(y, next, &finish);
         trial.evaluations += table.stages() as u64 - 1;
-        add_losses(&mut trial.lost, h * table.b[0], &anchor.losses);
-        for (b, losses) in table.b[1..].iter().zip(&self.losses) {
-            add_losses(&mut trial.lost, h * b, losses);
+        add_dissipation(&mut trial.dissipated, h * table.b[0], &step_start.dissipation);
+        for (b, dissipation) in table.b[1..].iter().zip(&self.dissipation) {
+            add_dissipation(&mut trial.dissipated, h * b, dissipation);
         }
         if table.first_same_as_last {
-            trial.losses = *self.losses.last().expect("a table has two stages at least");
+            trial.dissipation = *self.dissipation.last().expect("a table has two stages at least");
             trial.slope_known = true;
         }
-        verdict
+        outcome
     }
 
     fn has_inside(&self) -> bool {
@@ -173,13 +175,13 @@ impl<P: Ivp> Method<P> for RungeKutta {
         &self,
         share: f64,
         h: f64,
-        anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        step_start: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
         i: usize,
     ) -> Option<P::State> {
         let weights = (self.tableau.dense?)(share);
-        let mut state = anchor.y[i];
-        let slopes = self.slopes(&anchor.slope, &trial.slope, &trial.stages);
+        let mut state = step_start.y[i];
+        let slopes = self.slopes(&step_start.slope, &trial.slope, &trial.stages);
         state.add_scaled(1.0, &combine(&weights, h, &slopes, i));
         Some(state)
     }
@@ -189,14 +191,14 @@ impl<P: Ivp> Method<P> for RungeKutta {
         i: usize,
         h: f64,
         norm: &Norm,
-        anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        step_start: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
     ) -> f64 {
-        self.error(i, h, norm, &self.slopes(&anchor.slope, &trial.slope, &trial.stages))
+        self.error(i, h, norm, &self.slopes(&step_start.slope, &trial.slope, &trial.stages))
     }
 
     fn stages(&self) -> usize {
-        self.places.iter().copied().max().unwrap_or(0)
+        self.slots.iter().copied().max().unwrap_or(0)
     }
 }
 
@@ -208,7 +210,7 @@ mod tests {
     #[test]
     fn slopes_share_places_where_none_is_needed_any_more() {
         // Merson needs the slope of stage 1 for stage 2 alone; Dormand-Prince its own for stages 2 to 5.
-        assert_eq!(places(&MERSON), [0, 0, 1, 2]);
-        assert_eq!(places(&DORMAND_PRINCE), [1, 2, 3, 4, 1, 0]);
+        assert_eq!(slots(&MERSON), [0, 0, 1, 2]);
+        assert_eq!(slots(&DORMAND_PRINCE), [1, 2, 3, 4, 1, 0]);
     }
 }

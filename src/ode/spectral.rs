@@ -1,6 +1,6 @@
 //! How stiff the problem is at a state: the spectral radius of df/dy by a power iteration that needs f alone.
 
-use super::{Anchor, Ivp, Linear, Trial, fit};
+use super::{Ivp, Linear, StepStart, TrialStep, fit};
 use crate::threads::{self, GRAIN};
 use serde::{Deserialize, Serialize};
 
@@ -50,27 +50,27 @@ impl SpectralRadius {
     pub fn update<P: Ivp>(
         &mut self,
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
-        trial: &mut Trial<P::State>,
+        step_start: &mut StepStart<P::State>,
+        trial: &mut TrialStep<P::State>,
     ) -> u64 {
         if !self.doubted && self.served < SHARED {
             self.served += 1;
             return 0;
         }
         self.served = 1;
-        fit(&mut trial.slope, anchor.y.len());
+        fit(&mut trial.slope, step_start.y.len());
         // Without stiffness before, as in free flight, there is no direction to go on with.
         let careful = self.doubted || self.stretch == 0.0;
-        self.mix(ivp, &mut anchor.direction, anchor.y.len());
-        anchor.direction_known = true;
+        self.mix(ivp, &mut step_start.direction, step_start.y.len());
+        step_start.direction_known = true;
         let mut evaluations = 0;
         for k in 0..MOST[usize::from(careful)] {
-            let length = ivp.length(&anchor.direction);
+            let length = ivp.length(&step_start.direction);
             if length == 0.0 || !length.is_finite() {
                 (self.stretch, self.estimate) = (0.0, 0.0);
                 break;
             }
-            let found = Self::apply(ivp, anchor, trial, length);
+            let found = Self::apply(ivp, step_start, trial, length);
             evaluations += 1;
             let ratio = found / self.stretch;
             // Of an oscillation every other image is short: the mean of two tells.
@@ -89,11 +89,11 @@ impl SpectralRadius {
     /// Returns the length of the image. Collective.
     fn apply<P: Ivp>(
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
-        trial: &mut Trial<P::State>,
+        step_start: &mut StepStart<P::State>,
+        trial: &mut TrialStep<P::State>,
         length: f64,
     ) -> f64 {
-        let (small, direction, y) = (ivp.small_length(), &mut anchor.direction, &anchor.y);
+        let (small, direction, y) = (ivp.small_length(), &mut step_start.direction, &step_start.y);
         let along = &*direction;
         let make = |_: usize,
                     start: usize,
@@ -105,8 +105,8 @@ impl SpectralRadius {
                 stage.add_scaled(small / length, &along[start + k]);
             }
         };
-        ivp.rhs_of(anchor.t, y, [0, 1], [], &mut trial.slope, &make);
-        let (slope, first) = (&trial.slope, &anchor.slope);
+        ivp.rhs_of(step_start.t, y, [0, 1], [], &mut trial.slope, &make);
+        let (slope, first) = (&trial.slope, &step_start.slope);
         threads::for_chunks(direction, GRAIN, |start, chunk| {
             for (k, direction) in chunk.iter_mut().enumerate() {
                 let mut image = P::State::zero();

@@ -50,8 +50,8 @@ impl<F: Fn(f64, &Point) -> f64> Ivp for Points<F> {
         _y: &[Point],
         next: &mut [Point],
         finish: &(impl Fn(usize, &mut [Point]) -> f64 + Sync),
-    ) -> Verdict {
-        Verdict { error: finish(0, next), covered: true, within_travel: true }
+    ) -> TrialOutcome {
+        TrialOutcome { error: finish(0, next), covered: true, within_travel: true }
     }
     fn length(&mut self, v: &[Point]) -> f64 {
         v.iter().map(|p| Vector2::new(p.x, p.v).norm_squared()).sum::<f64>().sqrt()
@@ -82,17 +82,17 @@ type Any = Box<dyn Method<Points<Solve>>>;
 /// State at t = 2 after `steps` steps, and right-hand sides.
 fn integrate(method: &mut dyn Method<Points<Solve>>, force: Solve, steps: u32) -> (Point, u64) {
     let mut ivp = Points { force, evaluations: 0 };
-    let mut anchor = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
-    let (mut trial, h) = (Trial::default(), 2.0 / f64::from(steps));
+    let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+    let (mut trial, h) = (TrialStep::default(), 2.0 / f64::from(steps));
     let norm = Norm { weights: Weights::MIXED, rate: false };
     for k in 0..steps {
-        method.stable_step(&mut ivp, &mut anchor, &mut trial);
-        method.attempt(&mut ivp, &mut anchor, h, &norm, &mut trial);
-        anchor.y.copy_from_slice(&trial.next);
-        std::mem::swap(&mut anchor.slope, &mut trial.slope);
-        (anchor.t, anchor.slope_known) = (f64::from(k + 1) * h, trial.slope_known);
+        method.stable_step(&mut ivp, &mut step_start, &mut trial);
+        method.attempt(&mut ivp, &mut step_start, h, &norm, &mut trial);
+        step_start.y.copy_from_slice(&trial.next);
+        std::mem::swap(&mut step_start.slope, &mut trial.slope);
+        (step_start.t, step_start.slope_known) = (f64::from(k + 1) * h, trial.slope_known);
     }
-    (anchor.y[0], ivp.evaluations)
+    (step_start.y[0], ivp.evaluations)
 }
 
 fn distance(a: Point, b: Point) -> f64 {
@@ -214,10 +214,10 @@ fn the_spectral_radius_of_damping_and_of_an_oscillation_is_found() {
         [(|_, p| -500.0 * p.v, 500.0), (|_, p| -400.0 * p.x, 20.0), (|_, p| -1e4 * p.x - 1e3 * p.v, 989.9)];
     for (force, exact) in cases {
         let mut ivp = Points { force, evaluations: 0 };
-        let mut anchor = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
-        anchor.find_slope(&mut ivp);
+        let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+        step_start.find_slope(&mut ivp);
         let mut radius = SpectralRadius::default();
-        radius.update(&mut ivp, &mut anchor, &mut Trial::default());
+        radius.update(&mut ivp, &mut step_start, &mut TrialStep::default());
         let ratio = radius.bound() / exact;
         assert!((1.0..1.3).contains(&ratio), "{} is not {exact}", radius.bound());
     }
@@ -231,13 +231,13 @@ fn first_same_as_last_and_rejected_trials_save_right_hand_sides() {
     assert_eq!(counts(&mut Verlet), 11);
     // A repeated trial knows the slope at its start, and gives the same.
     let mut ivp: Points<Solve> = Points { force: free_pendulum, evaluations: 0 };
-    let mut anchor = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.0 }]);
+    let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.0 }]);
     let norm = Norm { weights: Weights::MIXED, rate: true };
-    let (mut method, mut trial) = (RungeKutta::new(&MERSON), Trial::default());
-    method.attempt(&mut ivp, &mut anchor, 0.1, &norm, &mut trial);
+    let (mut method, mut trial) = (RungeKutta::new(&MERSON), TrialStep::default());
+    method.attempt(&mut ivp, &mut step_start, 0.1, &norm, &mut trial);
     let once = trial.next[0];
-    method.attempt(&mut ivp, &mut anchor, 0.2, &norm, &mut trial);
-    method.attempt(&mut ivp, &mut anchor, 0.1, &norm, &mut trial);
+    method.attempt(&mut ivp, &mut step_start, 0.2, &norm, &mut trial);
+    method.attempt(&mut ivp, &mut step_start, 0.1, &norm, &mut trial);
     assert_eq!((ivp.evaluations, trial.evaluations, trial.next[0]), (13, 4, once));
 }
 
@@ -250,16 +250,19 @@ fn the_inside_of_a_step_joins_its_ends_smoothly() {
     ];
     for (mut method, tolerance) in methods {
         let mut ivp: Points<Solve> = Points { force: free_pendulum, evaluations: 0 };
-        let mut anchor = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+        let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
         let norm = Norm { weights: Weights::MIXED, rate: false };
-        let mut trial = Trial::default();
-        method.stable_step(&mut ivp, &mut anchor, &mut trial);
-        method.attempt(&mut ivp, &mut anchor, 0.05, &norm, &mut trial);
-        let inside = |share| method.inside(share, 0.05, &anchor, &trial, 0).expect("it has a dense output");
-        assert!(distance(inside(0.0), anchor.y[0]) < 1e-15 && distance(inside(1.0), trial.next[0]) < 1e-15);
+        let mut trial = TrialStep::default();
+        method.stable_step(&mut ivp, &mut step_start, &mut trial);
+        method.attempt(&mut ivp, &mut step_start, 0.05, &norm, &mut trial);
+        let inside =
+            |share| method.inside(share, 0.05, &step_start, &trial, 0).expect("it has a dense output");
+        assert!(
+            distance(inside(0.0), step_start.y[0]) < 1e-15 && distance(inside(1.0), trial.next[0]) < 1e-15
+        );
         // Against many small steps of the most accurate method to the middle of the step.
-        let mut fine = Anchor::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
-        let (mut exact, mut step) = (RungeKutta::new(&DORMAND_PRINCE), Trial::default());
+        let mut fine = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+        let (mut exact, mut step) = (RungeKutta::new(&DORMAND_PRINCE), TrialStep::default());
         for _ in 0..25 {
             exact.attempt(&mut ivp, &mut fine, 0.001, &norm, &mut step);
             fine.y.copy_from_slice(&step.next);
@@ -283,7 +286,7 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
             self.0.rhs(t, y, dydt);
             self.0.evaluations = (3.0 * y[0].v * y[0].v).to_bits();
         }
-        fn losses(&self) -> Losses {
+        fn dissipation(&self) -> Dissipation {
             [f64::from_bits(self.0.evaluations), 0.0]
         }
         fn agree(
@@ -291,7 +294,7 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
             y: &[Point],
             next: &mut [Point],
             finish: &(impl Fn(usize, &mut [Point]) -> f64 + Sync),
-        ) -> Verdict {
+        ) -> TrialOutcome {
             self.0.agree(y, next, finish)
         }
         fn length(&mut self, v: &[Point]) -> f64 {
@@ -313,19 +316,19 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
     for (mut method, tolerance) in methods {
         let force: Solve = |_, p| -3.0 * p.v;
         let mut ivp = Brake(Points { force, evaluations: 0 });
-        let mut anchor = Anchor::new(0.0, vec![Point { x: 0.0, v: 1.0 }]);
+        let mut step_start = StepStart::new(0.0, vec![Point { x: 0.0, v: 1.0 }]);
         let norm = Norm { weights: Weights::MIXED, rate: false };
-        let (mut trial, mut lost) = (Trial::default(), 0.0);
+        let (mut trial, mut dissipated) = (TrialStep::default(), 0.0);
         for k in 0..50 {
-            method.stable_step(&mut ivp, &mut anchor, &mut trial);
-            method.attempt(&mut ivp, &mut anchor, 0.02, &norm, &mut trial);
-            lost += trial.lost[0];
-            anchor.y.copy_from_slice(&trial.next);
-            std::mem::swap(&mut anchor.slope, &mut trial.slope);
-            (anchor.slope_known, anchor.losses) = (trial.slope_known, trial.losses);
-            anchor.t = 0.02 * f64::from(k + 1);
+            method.stable_step(&mut ivp, &mut step_start, &mut trial);
+            method.attempt(&mut ivp, &mut step_start, 0.02, &norm, &mut trial);
+            dissipated += trial.dissipated[0];
+            step_start.y.copy_from_slice(&trial.next);
+            std::mem::swap(&mut step_start.slope, &mut trial.slope);
+            (step_start.slope_known, step_start.dissipation) = (trial.slope_known, trial.dissipation);
+            step_start.t = 0.02 * f64::from(k + 1);
         }
         let exact = 0.5 * (1.0 - (-6.0f64).exp());
-        assert!((lost - exact).abs() < tolerance, "{}: {lost} is not {exact}", method.name());
+        assert!((dissipated - exact).abs() < tolerance, "{}: {dissipated} is not {exact}", method.name());
     }
 }

@@ -4,7 +4,7 @@
 //! forces are evaluated once a step, at the new positions and the velocities of the half step. That is of order 2 where
 //! forces depend on positions alone and of order 1 where they depend on velocities.
 
-use super::{Anchor, Ivp, Linear, Method, Norm, Trial, Verdict, add_losses};
+use super::{Ivp, Linear, Method, Norm, StepStart, TrialOutcome, TrialStep, add_dissipation};
 use crate::math::larger;
 
 /// The method, which remembers nothing.
@@ -23,15 +23,15 @@ impl<P: Ivp> Method<P> for Verlet {
     fn attempt(
         &mut self,
         ivp: &mut P,
-        anchor: &mut Anchor<P::State>,
+        step_start: &mut StepStart<P::State>,
         h: f64,
         _norm: &Norm,
-        trial: &mut Trial<P::State>,
-    ) -> Verdict {
-        trial.reset(anchor.y.len(), 0);
+        trial: &mut TrialStep<P::State>,
+    ) -> TrialOutcome {
+        trial.reset(step_start.y.len(), 0);
         ivp.begin();
-        trial.evaluations = anchor.find_slope(ivp);
-        let (y, first) = (&anchor.y, &anchor.slope);
+        trial.evaluations = step_start.find_slope(ivp);
+        let (y, first) = (&step_start.y, &step_start.slope);
         // New positions with the velocities of the half step, and then those of the whole.
         let make = |_: usize,
                     start: usize,
@@ -45,12 +45,12 @@ impl<P: Ivp> Method<P> for Verlet {
             }
             next.copy_from_slice(stages);
         };
-        ivp.rhs_of(anchor.t + h, y, [0, 1], [&mut trial.next], &mut trial.slope, &make);
+        ivp.rhs_of(step_start.t + h, y, [0, 1], [&mut trial.next], &mut trial.slope, &make);
         trial.evaluations += 1;
-        (trial.slope_known, trial.losses) = (true, ivp.losses());
-        add_losses(&mut trial.lost, 0.5 * h, &anchor.losses);
-        add_losses(&mut trial.lost, 0.5 * h, &trial.losses);
-        let Trial { next, slope, .. } = trial;
+        (trial.slope_known, trial.dissipation) = (true, ivp.dissipation());
+        add_dissipation(&mut trial.dissipated, 0.5 * h, &step_start.dissipation);
+        add_dissipation(&mut trial.dissipated, 0.5 * h, &trial.dissipation);
+        let TrialStep { next, slope, .. } = trial;
         let finish = |start: usize, chunk: &mut [P::State]| {
             let mut largest = 0.0;
             for (next, slope) in chunk.iter_mut().zip(&slope[start..]) {
@@ -72,15 +72,15 @@ impl<P: Ivp> Method<P> for Verlet {
         &self,
         share: f64,
         h: f64,
-        anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        step_start: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
         i: usize,
     ) -> Option<P::State> {
-        let mut state = anchor.y[i];
-        state.kick(0.5 * share * h, &anchor.slope[i]);
+        let mut state = step_start.y[i];
+        state.kick(0.5 * share * h, &step_start.slope[i]);
         state.drift(share * h);
         let mut mean = P::State::zero();
-        mean.add_scaled(1.0 - share, &anchor.slope[i]);
+        mean.add_scaled(1.0 - share, &step_start.slope[i]);
         mean.add_scaled(share, &trial.slope[i]);
         state.kick(0.5 * share * h, &mean);
         Some(state)
@@ -91,8 +91,8 @@ impl<P: Ivp> Method<P> for Verlet {
         i: usize,
         _h: f64,
         _norm: &Norm,
-        _anchor: &Anchor<P::State>,
-        trial: &Trial<P::State>,
+        _anchor: &StepStart<P::State>,
+        trial: &TrialStep<P::State>,
     ) -> f64 {
         trial.next[i].max_abs()
     }

@@ -47,7 +47,7 @@ fn check_table(
     table: &DeTable,
     schema: &str,
     shown: &str,
-    place: Option<Span>,
+    span: Option<Span>,
     mistakes: &mut Vec<Mistake>,
 ) {
     for (name, value) in table {
@@ -65,7 +65,7 @@ fn check_table(
         let path = joined(shown, key.name());
         let path = if key.kind == Kind::Table { format!("[{path}]") } else { path };
         let message = format!("{path} is missing: {}", key.help());
-        mistakes.push(Mistake { span: place.clone(), missing: true, message });
+        mistakes.push(Mistake { span: span.clone(), missing: true, message });
     }
 }
 

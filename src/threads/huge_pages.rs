@@ -84,22 +84,52 @@ unsafe impl GlobalAlloc for HugePages {
 mod tests {
     use super::*;
 
-    #[global_allocator]
-    static ALLOCATOR: HugePages = HugePages;
+    /// Bytes from the allocator itself, whichever the process has.
+    struct Bytes {
+        begin: *mut u8,
+        layout: Layout,
+    }
+
+    impl Bytes {
+        fn new(size: usize) -> Self {
+            let layout = Layout::from_size_align(size, 8).unwrap();
+            // SAFETY: the size is not 0.
+            Bytes { begin: unsafe { HugePages.alloc_zeroed(layout) }, layout }
+        }
+
+        fn resize(&mut self, size: usize) {
+            // SAFETY: the block is of this allocator and this layout, and the size is not 0.
+            self.begin = unsafe { HugePages.realloc(self.begin, self.layout, size) };
+            self.layout = Layout::from_size_align(size, 8).unwrap();
+        }
+
+        fn get(&mut self) -> &mut [u8] {
+            // SAFETY: so many bytes are there, and were zero or written.
+            unsafe { std::slice::from_raw_parts_mut(self.begin, self.layout.size()) }
+        }
+    }
+
+    impl Drop for Bytes {
+        fn drop(&mut self) {
+            // SAFETY: the block is of this allocator and this layout.
+            unsafe { HugePages.dealloc(self.begin, self.layout) }
+        }
+    }
 
     #[test]
-    fn vectors_keep_their_contents_as_they_grow_into_large_pages_and_out_of_them() {
-        let sum = |vector: &[u64]| vector.iter().sum::<u64>();
-        let mut vector: Vec<u64> = (0..1000).collect();
-        vector.reserve_exact(LARGE);
-        assert_eq!((vector.as_ptr() as usize % PAGE, sum(&vector)), (0, 499_500));
-        vector.resize(LARGE, 1);
-        vector.reserve_exact(LARGE);
-        assert_eq!(sum(&vector), 499_500 + LARGE as u64 - 1000);
-        vector.truncate(1000);
-        vector.shrink_to_fit();
-        assert_eq!(sum(&vector), 499_500);
-        assert_eq!(sum(&vec![0; LARGE]), 0);
+    fn blocks_keep_their_contents_as_they_grow_into_large_pages_and_out_of_them() {
+        let pattern = |k: usize| (k % 251) as u8;
+        let kept = |bytes: &[u8]| bytes.iter().enumerate().all(|(k, &byte)| byte == pattern(k));
+        let mut block = Bytes::new(1000);
+        block.get().iter_mut().enumerate().for_each(|(k, byte)| *byte = pattern(k));
+        block.resize(8 * LARGE);
+        assert_eq!(block.begin as usize % PAGE, 0);
+        assert!(kept(&block.get()[..1000]));
+        block.resize(16 * LARGE);
+        assert!(kept(&block.get()[..1000]));
+        block.resize(1000);
+        assert!(kept(block.get()));
+        assert!(Bytes::new(8 * LARGE).get().iter().all(|&byte| byte == 0));
     }
 
     #[test]
@@ -108,15 +138,16 @@ mod tests {
         if !std::path::Path::new("/sys/kernel/mm/transparent_hugepage").exists() {
             return;
         }
-        let vector = vec![1u8; 4 * LARGE];
-        let place = vector.as_ptr() as usize;
+        let mut block = Bytes::new(4 * LARGE);
+        block.get()[0] = 1;
+        let begin = block.begin as usize;
         let maps = std::fs::read_to_string("/proc/self/smaps").unwrap();
         let mut inside = false;
         let flags = maps.lines().find(|line| {
             let ends = line.split(' ').next().and_then(|ends| ends.split_once('-'));
             if let Some((from, to)) = ends {
                 let [from, to] = [from, to].map(|end| usize::from_str_radix(end, 16).unwrap_or(0));
-                inside = (from..to).contains(&place);
+                inside = (from..to).contains(&begin);
             }
             inside && line.starts_with("VmFlags:")
         });

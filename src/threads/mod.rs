@@ -2,13 +2,13 @@
 //! every item is computed alone, and what is folded is a maximum or an integer.
 //!
 //! A right-hand side of a few hundred particles takes 12 us: rayon's threads fall asleep in between, and even to one that is
-//! awake it takes a microsecond to hand something over. `attended` keeps them at posts where they see at once what is for
+//! awake it takes a microsecond to hand something over. `with_spinning_threads` keeps them at posts where they see at once what is for
 //! them, for as long as work comes up again and again.
 
 use rayon::prelude::*;
 use std::ops::Range;
 
-pub use spinning_pool::{attended, is_attended, join};
+pub use spinning_pool::{is_spinning, join, with_spinning_threads};
 
 pub mod huge_pages;
 mod spinning_pool;
@@ -76,7 +76,7 @@ pub fn parts<C: Cut, A: Send>(
     work: &(impl Fn(usize, C) -> A + Sync),
     fold: &(impl Fn(A, A) -> A + Sync),
 ) -> A {
-    let grain = if is_attended() { grain / 16 } else { grain };
+    let grain = if is_spinning() { grain / 16 } else { grain };
     if n <= grain {
         return work(0, items);
     }

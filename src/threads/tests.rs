@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// Does `work` in a pool of so many threads, of which the others are at their posts.
 fn at_posts<A: Send>(threads: usize, work: impl FnOnce() -> A + Send) -> A {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    pool.install(|| attended(work))
+    pool.install(|| with_spinning_threads(work))
 }
 
 #[test]
@@ -34,14 +34,14 @@ fn every_item_is_visited_once_with_its_index() {
 #[test]
 fn loops_that_follow_each_other_closely_do_every_part_once() {
     at_posts(2, || {
-        assert!(is_attended());
+        assert!(is_spinning());
         let mut sums = [0u64; 2];
         for round in 0..100_000u64 {
             each(&mut sums, &|sum| *sum += round);
         }
         assert_eq!(sums, [100_000 * 99_999 / 2; 2]);
     });
-    assert!(!is_attended());
+    assert!(!is_spinning());
 }
 
 #[test]

@@ -4,7 +4,7 @@
 #![allow(dead_code)]
 
 use demhybrid::domain::Solo;
-use demhybrid::engine::forces::Setting;
+use demhybrid::engine::forces::BodyParameters;
 use demhybrid::engine::simulation::{Counts, Frame, Outcome, Simulation, Task, dispatch};
 use demhybrid::error::Error;
 use demhybrid::math::vector::Vec3;
@@ -226,13 +226,13 @@ pub fn run_unturnable<R: Rebound, T: Tangential, W: Spin>(
     start: &InitialCondition,
     law: Law<R, T>,
 ) -> Result<Run, Error> {
-    let setting = Setting {
+    let parameters = BodyParameters {
         mass: scene.particles.mass,
         inverse_inertia: 0.0,
         gravity: scene.gravity.into(),
         walls: demhybrid::scene::walls::walls(&scene.container),
     };
-    collect(Simulation::<R, T, W>::with_setting(scene, start, law, setting, &Solo)?)
+    collect(Simulation::<R, T, W>::with_parameters(scene, start, law, parameters, &Solo)?)
 }
 
 fn collect<R: Rebound, T: Tangential, W: Spin>(simulation: Simulation<R, T, W>) -> Result<Run, Error> {

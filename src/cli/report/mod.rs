@@ -3,7 +3,7 @@
 use crate::domain::{Comm, halo::Extent, launch, rows, slabs::Slabs};
 use crate::engine::dynamics::SKIN;
 use crate::engine::load::{START_BYTES, bytes_per_particle};
-use crate::engine::simulation::{Counts, Frame, FrameSummary, Outcome, reach, tightening};
+use crate::engine::simulation::{Counts, Frame, FrameSummary, Outcome, cutoff, tightening};
 use crate::math::digits::{bytes as size, short};
 use crate::model::effects::Effects;
 use crate::ode::{Limit, NormName};
@@ -46,19 +46,19 @@ fn step_control(scene: &Scene) -> String {
 }
 
 /// Which contacts are evaluated, in words; `reach` is the largest gap, m.
-fn contacts(scene: &Scene, reach: f64) -> String {
+fn contacts(scene: &Scene, cutoff: f64) -> String {
     let contact = &scene.contact;
-    if reach >= contact.interaction_distance {
+    if cutoff >= contact.interaction_distance {
         return format!("evaluated up to the interaction distance of {} m", contact.interaction_distance);
     }
-    let force = contact.repulsion_at_contact * (-contact.stiffness_exponent * reach).exp();
+    let force = contact.repulsion_at_contact * (-contact.stiffness_exponent * cutoff).exp();
     let why = if scene.solver.neglected_force.is_some() {
         "by solver.neglected_force"
     } else {
         "unseen at this tolerance"
     };
     format!(
-        "the stabilised method evaluates gaps up to {reach:.4} m of {} m: forces below {} N are left out, {why}",
+        "the stabilised method evaluates gaps up to {cutoff:.4} m of {} m: forces below {} N are left out, {why}",
         contact.interaction_distance,
         three_digits(force)
     )
@@ -117,7 +117,7 @@ pub fn plan(
     comm.sum(&mut owned);
     let r = scene.particles.radius;
     let scale = initial_condition::velocity_scale(scene, start);
-    let ghosts_within = 2.0 * r + reach(scene, scale) + SKIN * r;
+    let ghosts_within = 2.0 * r + cutoff(scene, scale) + SKIN * r;
     let mut text = String::new();
     let mut line = |head: &str, rest: String| {
         // Writing to a string cannot fail.
@@ -139,7 +139,7 @@ pub fn plan(
     line("particles", format!("{count} of radius {r} m and mass {} kg, {walls} walls", scene.particles.mass));
     line("time", format!("to t = {} s, {} frames", scene.t_end, frames(scene)));
     line("solver", solver(scene, start));
-    line("contacts", contacts(scene, reach(scene, scale)));
+    line("contacts", contacts(scene, cutoff(scene, scale)));
     let per_particle = bytes_per_particle(scene);
     let start_bytes = START_BYTES * count * comm.size() as u64;
     line(
@@ -282,7 +282,7 @@ pub fn summary(
         line("at rest", format!("by {by} for {} s", scene.stop.as_ref().map_or(0.0, |stop| stop.window)));
     }
     line("method", format!("{}; {}", outcome.choice, step_control(scene)));
-    line("contacts", contacts(scene, outcome.reach));
+    line("contacts", contacts(scene, outcome.cutoff));
     line("right-hand sides", format!("{rhs}"));
     line(
         "pair evaluations",

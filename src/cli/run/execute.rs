@@ -36,7 +36,7 @@ pub(super) struct Execution<'a> {
     /// The output file as the user named it.
     pub file: &'a Path,
     /// The same, absolute.
-    pub place: &'a Path,
+    pub path: &'a Path,
     pub scene: &'a Scene,
     /// Where all particles were at t = 0.
     pub start: &'a InitialCondition,
@@ -115,7 +115,7 @@ impl Execution<'_> {
             step: scene.solver.step,
             norm: scene.solver.norm,
             velocity_scale,
-            contact_reach: crate::engine::simulation::reach(scene, velocity_scale),
+            contact_cutoff: crate::engine::simulation::cutoff(scene, velocity_scale),
             energy: scene.output.energy,
             mass: scene.particles.mass,
             ranks: comm.size(),
@@ -133,12 +133,12 @@ impl Execution<'_> {
         frames: u64,
         rotation: bool,
     ) -> Result<Output<'c>, Error> {
-        let (scene, place) = (self.scene, self.place);
+        let (scene, path) = (self.scene, self.path);
         if let Beginning::Start = self.beginning {
             let block = rows::block(count, comm.rank(), comm.size());
-            let created = Output::create(comm, place, info, count, scene.particles.radius, rotation, block)?;
+            let created = Output::create(comm, path, info, count, scene.particles.radius, rotation, block)?;
             if comm.rank() == 0 {
-                checkpoint::clear(place);
+                checkpoint::clear(path);
             }
             return Ok(created);
         }
@@ -146,9 +146,9 @@ impl Execution<'_> {
             let unusable = |why| {
                 Error::Input(format!("--resume {}: it cannot be made ready: {why}", self.file.display()))
             };
-            output::prepare(place, frames, info).map(|()| String::new()).map_err(unusable)
+            output::prepare(path, frames, info).map(|()| String::new()).map_err(unusable)
         })?;
-        Output::open(comm, place, info.energy, count, rotation, frames)
+        Output::open(comm, path, info.energy, count, rotation, frames)
     }
 }
 
@@ -158,25 +158,25 @@ impl Task for Execution<'_> {
     fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Result<(), Error> {
         let Ground { args, comm, started, .. } = *self.ground;
         let (scene, rotation) = (self.scene, W::COMPONENTS > 0);
-        let outside = agree(
+        let interrupts = agree(
             comm,
-            Interrupts::listen(scene, self.place, comm.rank(), started)
+            Interrupts::listen(scene, self.path, comm.rank(), started)
                 .map_err(|why| Error::Input(format!("signals cannot be listened to: {why}"))),
         )?;
-        let wish = || outside.wish();
+        let request = || interrupts.request();
         let ready = self.ready::<R, T, W>(law, comm)?;
         let Ready { mut simulation, count, velocity_scale, course, frames, next, serial, wall_seconds } =
             ready;
         let info = self.info(velocity_scale);
         let output = self.output(comm, &info, count, frames, rotation)?;
-        simulation.heed(&wish);
+        simulation.listen_to(&request);
         let mut recorder = Recorder {
             comm,
             output,
             scene,
             info: &info,
-            place: self.place,
-            outside: &outside,
+            path: self.path,
+            interrupts: &interrupts,
             progress: Progress::new(comm.rank(), scene.t_end, args.quiet, args.verbose),
             measures: None,
             course,
@@ -195,9 +195,9 @@ impl Task for Execution<'_> {
         let wall_seconds = recorder.wall_seconds();
         let Recorder { output, measures, course, watch, written, .. } = recorder;
         match (outcome.stopped, measures) {
-            (Some(wish), _) => {
-                outside.granted(wish);
-                output.stop(&wish.to_string())?;
+            (Some(request), _) => {
+                interrupts.granted(request);
+                output.stop(&request.to_string())?;
             }
             (None, Some(measures)) => {
                 let seconds = seconds(&outcome.clocks, outcome.output_seconds);
@@ -209,8 +209,8 @@ impl Task for Execution<'_> {
         let written = format!("{}: {written} frames, {transfer}", self.file.display());
         self.tell(&outcome, &course, &watch, &written);
         match outcome.stopped {
-            Some(wish) => {
-                Err(Error::Stopped { wish, t: outcome.time, file: self.file.display().to_string() })
+            Some(request) => {
+                Err(Error::Stopped { request, t: outcome.time, file: self.file.display().to_string() })
             }
             None => Ok(()),
         }
@@ -236,8 +236,8 @@ struct Recorder<'a> {
     output: Output<'a>,
     scene: &'a Scene,
     info: &'a RunInfo,
-    place: &'a Path,
-    outside: &'a Interrupts,
+    path: &'a Path,
+    interrupts: &'a Interrupts,
     progress: Progress,
     measures: Option<Measures>,
     course: FrameSummary,
@@ -329,9 +329,9 @@ impl<W: Spin> Observer<W> for Recorder<'_> {
             course: self.course,
             memory: snapshot.memory,
         };
-        checkpoint::write(self.comm, &checkpoint::slot(self.place, header.serial), &header, snapshot)?;
+        checkpoint::write(self.comm, &checkpoint::slot(self.path, header.serial), &header, snapshot)?;
         self.serial = header.serial;
-        self.outside.saved();
+        self.interrupts.saved();
         Ok(())
     }
 }

@@ -79,7 +79,7 @@ impl Interrupts {
     }
 
     /// What this rank would tell the others.
-    pub fn wish(&self) -> StopRequest {
+    pub fn request(&self) -> StopRequest {
         if let Ok(number @ 1..) = u8::try_from(self.signal.load(Ordering::Relaxed)) {
             return StopRequest::Signal(number);
         }
@@ -108,8 +108,8 @@ impl Interrupts {
     }
 
     /// The wish to stop is granted: who made the stop file need not remove it.
-    pub fn granted(&self, wish: StopRequest) {
-        if self.leads && wish == StopRequest::StopFile {
+    pub fn granted(&self, request: StopRequest) {
+        if self.leads && request == StopRequest::StopFile {
             // If it cannot be removed, the next run will stop at once and say why.
             let _ = std::fs::remove_file(&self.stop_file);
         }
@@ -120,7 +120,7 @@ impl Interrupts {
 mod tests {
     use super::*;
 
-    fn outside(sets: &[&str], folder: &Path, rank: usize, age: f64) -> Interrupts {
+    fn interrupts(sets: &[&str], folder: &Path, rank: usize, age: f64) -> Interrupts {
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         let scene = Scene::parse("settle.toml", include_str!("../../../configs/settle.toml"), &sets).unwrap();
         let started = Instant::now().checked_sub(Duration::from_secs_f64(age)).unwrap();
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn limits_are_rank_0_s_affair_and_the_stronger_wish_comes_first() {
         let folder = tempfile::tempdir().unwrap();
-        let of = |sets: &[&str], rank| outside(sets, folder.path(), rank, 10.0).wish();
+        let of = |sets: &[&str], rank| interrupts(sets, folder.path(), rank, 10.0).request();
         assert_eq!(of(&[], 0), StopRequest::Nothing);
         assert_eq!(of(&["limits.wall=5"], 0), StopRequest::WallLimit);
         assert_eq!(of(&["limits.wall=5"], 1), StopRequest::Nothing);
@@ -144,20 +144,20 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.vtkhdf.stop");
         std::fs::write(&file, "").unwrap();
-        let outside = outside(&[], folder.path(), 0, 1.0);
-        assert_eq!(outside.wish(), StopRequest::StopFile);
-        outside.granted(StopRequest::Signal(15));
+        let interrupts = interrupts(&[], folder.path(), 0, 1.0);
+        assert_eq!(interrupts.request(), StopRequest::StopFile);
+        interrupts.granted(StopRequest::Signal(15));
         assert!(file.exists());
-        outside.granted(StopRequest::StopFile);
+        interrupts.granted(StopRequest::StopFile);
         assert!(!file.exists());
     }
 
     #[test]
     fn a_checkpoint_resets_the_clock_of_checkpoints() {
         let folder = tempfile::tempdir().unwrap();
-        let outside = outside(&["checkpoint.wall=5"], folder.path(), 0, 10.0);
-        assert_eq!(outside.wish(), StopRequest::Checkpoint);
-        outside.saved();
-        assert_eq!(outside.wish(), StopRequest::Nothing);
+        let interrupts = interrupts(&["checkpoint.wall=5"], folder.path(), 0, 10.0);
+        assert_eq!(interrupts.request(), StopRequest::Checkpoint);
+        interrupts.saved();
+        assert_eq!(interrupts.request(), StopRequest::Nothing);
     }
 }

@@ -91,7 +91,7 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
         // The command line has been read: one of the two is there.
         (None, None) => Err(Error::Input("a scene, or --resume FILE, is missing".into())),
     };
-    if have_cores { threads::attended(run) } else { run() }
+    if have_cores { threads::with_spinning_threads(run) } else { run() }
 }
 
 /// What every run stands on.
@@ -111,10 +111,10 @@ fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), E
     share(comm, || spare_the_input(path, &scene, &file))?;
     let count = start.x.len() as u64;
     let room = report::output_bytes(&scene, count).saturating_add(report::checkpoint_bytes(&scene, count));
-    let place = Output::check_place(comm, &file, args.force, room);
+    let target = Output::check_path(comm, &file, args.force, room);
     tell(&if comm.rank() == 0 { report::forewarnings(&scene, &start) } else { Vec::new() });
     if args.dry_run {
-        let output = match &place {
+        let output = match &target {
             Ok(_) => file.display().to_string(),
             Err(why) => format!("would be refused: {why}"),
         };
@@ -124,11 +124,11 @@ fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), E
         }
         return Ok(());
     }
-    let place = place?;
+    let target = target?;
     let beginning = Beginning::Start;
     simulation::dispatch(
         &scene,
-        Execution { ground, name: path, file: &file, place: &place, scene: &scene, start: &start, beginning },
+        Execution { ground, name: path, file: &file, path: &target, scene: &scene, start: &start, beginning },
     )
 }
 

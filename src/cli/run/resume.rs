@@ -43,10 +43,10 @@ struct Slot {
 pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     let Ground { args, comm, .. } = *ground;
     let unusable = |why: String| Error::Input(format!("--resume {}: {why}", file.display()));
-    let place = Output::check_place(comm, file, true, 0)?;
+    let path = Output::check_path(comm, file, true, 0)?;
     let mut warnings = Vec::new();
     let plan = share(comm, || {
-        let plan = plan(&place, &args.set, &mut warnings).map_err(unusable)?;
+        let plan = plan(&path, &args.set, &mut warnings).map_err(unusable)?;
         Ok(serde_json::to_string(&plan).expect("a plan holds texts and finite numbers"))
     })?;
     let tell = |text: &str| {
@@ -56,8 +56,8 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     };
     warnings.iter().for_each(|warning| tell(warning));
     let execute = |scene: &Scene, start: &InitialCondition, beginning: Beginning| {
-        let place = &place;
-        simulation::dispatch(scene, Execution { ground, name: file, file, place, scene, start, beginning })
+        let path = &path;
+        simulation::dispatch(scene, Execution { ground, name: file, file, path, scene, start, beginning })
     };
     match serde_json::from_str(&plan).expect("rank 0 made it") {
         Plan::Nothing { t } => {
@@ -69,7 +69,7 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
         }
         Plan::Again { scene, frames, count } => {
             let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
-            let start = start_of(comm, &scene, &place, frames, count)?;
+            let start = start_of(comm, &scene, &path, frames, count)?;
             tell(&format!(
                 "demhybrid: there is no checkpoint of {} yet: the run begins again at t = 0 s; the {frames} frames that it \
                  holds stay",
@@ -82,8 +82,8 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
             let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
             let slot = first_sound(comm, &slots, &tell).map_err(unusable)?;
             // What came before the checkpoint is looked at for the warnings at the end.
-            let start = start_of(comm, &scene, &place, 1, slot.count)?;
-            Output::check_place(comm, file, true, report::output_bytes(&scene, slot.count))?;
+            let start = start_of(comm, &scene, &path, 1, slot.count)?;
+            Output::check_path(comm, file, true, report::output_bytes(&scene, slot.count))?;
             tell(&format!(
                 "demhybrid: {} goes on from t = {} s, after {} steps (checkpoint {})",
                 file.display(),
@@ -114,12 +114,12 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
 }
 
 /// Looks at the file at `place` and at its checkpoints. One rank calls it.
-fn plan(place: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Plan, String> {
-    let heads: Vec<_> = checkpoint::slots(place)
+fn plan(path: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Plan, String> {
+    let heads: Vec<_> = checkpoint::slots(path)
         .into_iter()
         .filter_map(|slot| Some((checkpoint::look(&slot)?, slot)))
         .collect();
-    if !place.exists() {
+    if !path.exists() {
         return Err(if heads.is_empty() {
             "there is no such file; it is the output file of the run to go on with".into()
         } else {
@@ -127,10 +127,10 @@ fn plan(place: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Pla
                 .into()
         });
     }
-    let found = output::inspect(place)?;
+    let found = output::inspect(path)?;
     let recorded =
         Scene::parse("", &found.scene, &[]).map_err(|why| format!("its scene is broken: {why}"))?;
-    let asked = scene_of(place, &found.scene, sets)?;
+    let asked = scene_of(path, &found.scene, sets)?;
     if found.completed && asked.t_end == recorded.t_end {
         return Ok(Plan::Nothing { t: found.times.last().copied().unwrap_or(0.0) });
     }
@@ -237,7 +237,7 @@ fn scene_of(file: &Path, recorded: &str, sets: &[String]) -> Result<Scene, Strin
 fn start_of(
     comm: &dyn Comm,
     scene: &Scene,
-    place: &Path,
+    path: &Path,
     frames: u64,
     count: u64,
 ) -> Result<InitialCondition, Error> {
@@ -245,7 +245,7 @@ fn start_of(
         let Some(grid) = &scene.particles.grid else {
             return Err(Error::Input(format!(
                 "--resume {}: it holds neither a frame nor a checkpoint; start its scene anew, with --force",
-                place.display()
+                path.display()
             )));
         };
         agree(comm, check_memory(comm, scene, grid.count))?;
@@ -254,10 +254,9 @@ fn start_of(
     agree(comm, check_memory(comm, scene, count))?;
     let mut read = InitialCondition::default();
     share(comm, || {
-        let unreadable = |why| {
-            Error::Input(format!("--resume {}: its first frame cannot be read: {why}", place.display()))
-        };
-        read = output::first_frame(place, count).map_err(unreadable)?;
+        let unreadable =
+            |why| Error::Input(format!("--resume {}: its first frame cannot be read: {why}", path.display()));
+        read = output::first_frame(path, count).map_err(unreadable)?;
         initial_condition::check(scene, &read).map(|()| String::new())
     })?;
     Ok(share_start(comm, read))

@@ -2,19 +2,19 @@
 
 use super::Dynamics;
 use crate::domain::exact;
-use crate::engine::forces::{Depth, Dissipated, Setting, Stored};
+use crate::engine::forces::{BodyParameters, Depth, Dissipated, Stored};
 use crate::math::elementary::Separate;
 use crate::math::exact::{largest, total};
 use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::contact::{Rebound, Tangential};
 use crate::model::particle::{Motion, Spin};
-use crate::ode::Losses;
+use crate::ode::Dissipation;
 
 impl<R: Rebound, T: Tangential, W: Spin> Dynamics<'_, R, T, W> {
     /// Kinetic energy of all particles at `y`, J. Collective.
     pub fn kinetic_energy(&self, y: &[Motion<W>]) -> f64 {
-        let Setting { mass, inverse_inertia, .. } = self.forces.setting;
+        let BodyParameters { mass, inverse_inertia, .. } = self.forces.parameters;
         // An infinite inertia (1/I = 0) holds no energy at w = 0, the only spin that it allows.
         let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
         let energy = |body: &Motion<W>| {
@@ -26,8 +26,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Dynamics<'_, R, T, W> {
     /// Potential energy (J) of all contacts and heights at `y`: rho(0) times the stored energy, so that H of
     /// docs/design.md never grows; and the largest overlap (m). Collective.
     pub fn potential_energy(&mut self, y: &[Motion<W>]) -> (f64, f64) {
-        self.place(y);
-        let Setting { mass, gravity, .. } = self.forces.setting;
+        self.put_bodies(y);
+        let BodyParameters { mass, gravity, .. } = self.forces.parameters;
         let height = |i: usize| -mass * gravity.dot(&y[i].x);
         let (law, forces) = (self.forces.law, &mut self.forces);
         let mut depths = forces.largest(&Depth(law.l_max));
@@ -47,7 +47,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Dynamics<'_, R, T, W> {
     /// contacts, each counted once and as if it were at rest (rho(0) F), and of all weights: 0 in perfect balance, 1 in free
     /// fall; NaN where there is no force at all. Collective.
     pub fn unbalanced_force(&mut self, y: &[Motion<W>], slope: &[Motion<W>]) -> f64 {
-        let Setting { mass, gravity, .. } = self.forces.setting;
+        let BodyParameters { mass, gravity, .. } = self.forces.parameters;
         let net = exact::exact_sum(self.comm, slope.len(), |i| mass * slope[i].v.norm());
         let height = exact::exact_sum(self.comm, y.len(), |i| -mass * gravity.dot(&y[i].x));
         // A contact at rest pushes with kappa times what it stores, but for the cut at l_max.
@@ -58,7 +58,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Dynamics<'_, R, T, W> {
 
     /// Power that contacts dissipate by rebound and by friction, in the state of the last right-hand side, W.
     /// Collective.
-    pub(super) fn dissipation(&mut self) -> Losses {
+    pub(super) fn dissipated_power(&mut self) -> Dissipation {
         let (law, forces) = (self.forces.law, &mut self.forces);
         let dissipated = Dissipated(law.energies());
         exact::exact_sums(self.comm, forces.largest(&dissipated), |scales| {
@@ -69,7 +69,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Dynamics<'_, R, T, W> {
     /// Height of the highest point of any sphere against gravity (along z without gravity), from the origin, m.
     /// Collective.
     pub fn bed_height(&self, y: &[Motion<W>]) -> f64 {
-        let up = (-self.forces.setting.gravity).try_normalize(0.0).unwrap_or(Vec3::z());
+        let up = (-self.forces.parameters.gravity).try_normalize(0.0).unwrap_or(Vec3::z());
         let mut top = [y.iter().map(|body| up.dot(&body.x)).fold(f64::NEG_INFINITY, f64::max)];
         self.comm.max(&mut top);
         top[0] + self.forces.law.r

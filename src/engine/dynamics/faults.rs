@@ -10,7 +10,7 @@ use crate::model::particle::{Motion, Spin};
 impl<R: Rebound, T: Tangential, W: Spin> Dynamics<'_, R, T, W> {
     /// Why the right-hand side at `y` is not finite, if so: the contact with the lowest ids. Collective.
     pub fn explain(&mut self, y: &[Motion<W>], t: f64) -> Option<Error> {
-        self.place(y);
+        self.put_bodies(y);
         let ids = |i: usize| self.ids[i] as f64;
         let sort = |broken: Broken| match broken {
             Broken::Pair(i, j, d) => [0.0, ids(i), ids(j), d],

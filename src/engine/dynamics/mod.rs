@@ -4,7 +4,7 @@ use crate::domain::halo::{Extent, Halo};
 use crate::domain::migration::{self, Census};
 use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, exact};
-use crate::engine::forces::{CHUNK, Forces, Place, Setting};
+use crate::engine::forces::{BodyParameters, CHUNK, Forces, StageMaker};
 use crate::engine::neighbors::Order;
 use crate::error::{Error, StopRequest};
 use crate::math::instructions::InstructionSet;
@@ -12,7 +12,7 @@ use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::contact::{Law, Rebound, Tangential};
 use crate::model::particle::{Motion, Spin};
-use crate::ode::{Anchor, Ivp, Linear, Losses, Verdict};
+use crate::ode::{Dissipation, Ivp, Linear, StepStart, TrialOutcome};
 use crate::threads;
 use fail::fail_point;
 use serde::{Deserialize, Serialize};
@@ -52,7 +52,7 @@ pub struct Extremes {
 }
 
 /// Looks out for the first right-hand side that is not finite: its time (s), state and slope.
-type Monitor<W> = Option<(f64, Vec<Motion<W>>, Vec<Motion<W>>)>;
+type FaultSearch<W> = Option<(f64, Vec<Motion<W>>, Vec<Motion<W>>)>;
 
 /// Equations of motion of all particles, of which this rank owns some.
 pub struct Dynamics<'c, R, T, W> {
@@ -80,12 +80,12 @@ pub struct Dynamics<'c, R, T, W> {
     rebuilds: u64,
     /// Whether every right-hand side also tells what it dissipates.
     audits: bool,
-    losses: Losses,
-    watch: Option<Monitor<W>>,
+    dissipation: Dissipation,
+    fault_search: Option<FaultSearch<W>>,
     /// What this rank sees of the world outside.
-    outside: Option<&'c dyn Fn() -> StopRequest>,
+    interrupts: Option<&'c dyn Fn() -> StopRequest>,
     /// What the ranks agreed on last.
-    wish: StopRequest,
+    request: StopRequest,
     /// A speed that matters in the scene, m/s.
     velocity_scale: f64,
     /// Largest gap at which surfaces interact, m; lists and ghosts reach that far at all times.
@@ -101,7 +101,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     pub fn new(
         comm: &'c dyn Comm,
         law: Law<R, T>,
-        setting: Setting,
+        parameters: BodyParameters,
         velocity_scale: f64,
         ids: Vec<u64>,
         y: &mut Vec<Motion<W>>,
@@ -115,7 +115,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let mut dynamics = Dynamics {
             census: Census::take(comm, &ids),
             comm,
-            forces: Forces::new(law, setting, set),
+            forces: Forces::new(law, parameters, set),
             slabs,
             halo: Halo::default(),
             ids,
@@ -128,10 +128,10 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             earlier_pairs: 0,
             rebuilds: 0,
             audits: false,
-            losses: [0.0; 2],
-            watch: None,
-            outside: None,
-            wish: StopRequest::Nothing,
+            dissipation: [0.0; 2],
+            fault_search: None,
+            interrupts: None,
+            request: StopRequest::Nothing,
             velocity_scale,
             l_max,
             clocks: Clocks::default(),
@@ -158,7 +158,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     }
 
     /// Distance of centres within which pairs are listed, m.
-    pub fn reach(&self) -> f64 {
+    pub fn cutoff(&self) -> f64 {
         let r = self.forces.law.r;
         2.0 * r + self.l_max + SKIN * r
     }
@@ -248,13 +248,13 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     }
 
     /// From now on asks `outside`, on every rank once a trial step, what it wishes.
-    pub fn heed(&mut self, outside: &'c dyn Fn() -> StopRequest) {
-        self.outside = Some(outside);
+    pub fn listen_to(&mut self, interrupts: &'c dyn Fn() -> StopRequest) {
+        self.interrupts = Some(interrupts);
     }
 
     /// What the world outside wished in the last trial: the same on every rank.
-    pub fn wish(&self) -> StopRequest {
-        self.wish
+    pub fn request(&self) -> StopRequest {
+        self.request
     }
 
     /// The lists were built at the accepted state.
@@ -284,18 +284,18 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
 
     /// From now on looks out for a right-hand side that is not finite, which costs a reduction each.
     pub fn watch(&mut self) {
-        self.watch = Some(None);
+        self.fault_search = Some(None);
     }
 
     /// The first right-hand side since `watch` that was not finite: time (s), state and slope. Ends the watch.
-    pub fn broken(&mut self) -> Monitor<W> {
-        self.watch.take().flatten()
+    pub fn broken(&mut self) -> FaultSearch<W> {
+        self.fault_search.take().flatten()
     }
 
     /// Migrates particles to their owners, moves slab bounds after them, and lists neighbours afresh. What belongs to
     /// `anchor` may change in length and order. Collective.
-    pub fn rebuild(&mut self, anchor: &mut Anchor<Motion<W>>) -> Result<(), Error> {
-        let Anchor { t, y, slope, slope_known, direction, direction_known, .. } = anchor;
+    pub fn rebuild(&mut self, step_start: &mut StepStart<Motion<W>>) -> Result<(), Error> {
+        let StepStart { t, y, slope, slope_known, direction, direction_known, .. } = step_start;
         // All ranks know the same, so all send the same lists.
         let known = [*slope_known, *direction_known];
         let lists =
@@ -326,18 +326,18 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         }
         migration::migrate(self.comm, &self.slabs, &mut self.ids, y, companions);
         self.census.check(self.comm, &self.ids, t)?;
-        let reach = self.reach();
+        let cutoff = self.cutoff();
         let own = [0, 1, 2].map(|axis| Extent::of(y.iter().map(|body| body.x[axis])));
         let [a, b, c] = own;
         let extents = self.gather([a.low, a.high, b.low, b.high, c.low, c.high]).into_iter();
         let extents: Vec<[Extent; 3]> =
             extents.map(|ends| [0, 2, 4].map(|k| Extent { low: ends[k], high: ends[k + 1] })).collect();
         let size = |axis: usize| Extent::around(extents.iter().map(|axes| axes[axis])).length();
-        let order = Order::new([0, 1, 2].map(size), reach);
+        let order = Order::new([0, 1, 2].map(size), cutoff);
         migration::sort(|x, id| order.key(x, id), &mut self.ids, y, companions);
         let axis = self.slabs.axis();
         let heights: Vec<_> = extents.iter().map(|axes| axes[axis]).collect();
-        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, (axis, &heights), reach);
+        let ghost_ids = self.halo.plan(self.comm, &self.ids, y, (axis, &heights), cutoff);
         self.ids.extend(ghost_ids);
         let mut bodies = Vec::with_capacity(y.len() + self.halo.ghosts());
         bodies.extend_from_slice(y);
@@ -345,7 +345,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.halo.refresh(self.comm, y, &mut bodies[y.len()..]);
         let keys = bodies.iter().zip(&self.ids).map(|(body, &id)| order.key(&body.x, id));
         let keys: Vec<_> = keys.collect();
-        self.forces.list(&bodies, y.len(), &keys, [reach, reach - self.forces.law.r], self.halo.picks());
+        self.forces.list(&bodies, y.len(), &keys, [cutoff, cutoff - self.forces.law.r], self.halo.picks());
         self.origin.clear();
         self.origin.extend(y.iter().map(|body| body.x));
         let mut speed = [fastest(y)];
@@ -364,7 +364,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     }
 
     /// Puts owned bodies and ghosts where `y` says. Collective.
-    fn place(&mut self, y: &[Motion<W>]) {
+    fn put_bodies(&mut self, y: &[Motion<W>]) {
         self.halo.refresh(self.comm, y, self.forces.ghosts());
         self.forces.put(y);
     }
@@ -383,32 +383,32 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         let begun = Instant::now();
         let free = self.free_path().powi(2);
         let forces = &mut self.forces;
-        let place = Place { make, stage, origin: &self.origin, free, start: y };
+        let maker = StageMaker { make, stage, origin: &self.origin, free, start: y };
         let mut waited = Duration::ZERO;
         debug_assert!(!self.is_open || stage > 0, "stages of a turn come one after the other");
         if !std::mem::take(&mut self.is_open) {
-            forces.open(place, again(&mut vectors), dydt);
+            forces.begin_stage(maker, again(&mut vectors), dydt);
         }
         if !self.halo.is_idle() {
             let clock = Instant::now();
             let mut inside = Duration::ZERO;
-            self.halo.pack(|k, _| forces.sent(k));
+            self.halo.pack(|k, _| forces.export(k));
             self.halo.exchange_during(self.comm, &mut || {
                 fail_point!("underway");
                 let clock = Instant::now();
-                forces.go_on(place, again(&mut vectors), dydt);
+                forces.advance_interior(maker, again(&mut vectors), dydt);
                 inside = clock.elapsed();
             });
             self.halo.deliver(forces.ghosts());
             waited = clock.elapsed().saturating_sub(inside);
         }
         // Where somebody looks at bodies after this none may be ahead of the others.
-        self.is_open = stage + 1 < stages && !self.audits && self.watch.is_none();
-        let (pairs, moved) = forces.close(place, self.is_open, again(&mut vectors), dydt);
+        self.is_open = stage + 1 < stages && !self.audits && self.fault_search.is_none();
+        let (pairs, moved) = forces.finish_stage(maker, self.is_open, again(&mut vectors), dydt);
         self.pair_evaluations += pairs;
         self.moved = [larger(self.moved[0], moved[0]), larger(self.moved[1], moved[1])];
         if self.audits {
-            self.losses = self.dissipation();
+            self.dissipation = self.dissipated_power();
         }
         self.clocks.ghosts += waited;
         self.clocks.forces += begun.elapsed().saturating_sub(waited);
@@ -417,11 +417,11 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
 
     /// Remembers the first right-hand side that is not finite, where somebody asked for it. Collective.
     fn look_out(&mut self, t: f64, dydt: &[Motion<W>]) {
-        if matches!(self.watch, Some(None)) {
+        if matches!(self.fault_search, Some(None)) {
             let mut steepest = [dydt.iter().map(Linear::max_abs).fold(0.0, larger)];
             self.comm.max(&mut steepest);
             if steepest[0] == f64::INFINITY {
-                self.watch = Some(Some((t, self.forces.state(), dydt.to_vec())));
+                self.fault_search = Some(Some((t, self.forces.state(), dydt.to_vec())));
             }
         }
     }
@@ -460,7 +460,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
     fn begin(&mut self) {
         debug_assert!(!self.is_open, "a turn ends with its last stage");
         self.moved = [0.0; 2];
-        self.forces.begin();
+        self.forces.begin_step();
     }
 
     fn rhs(&mut self, t: f64, y: &[Motion<W>], dydt: &mut [Motion<W>]) {
@@ -472,7 +472,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
             bodies.copy_from_slice(&y[first..first + bodies.len()]);
         };
         // It may be at any state.
-        self.forces.begin();
+        self.forces.begin_step();
         self.evaluate(t, y, [0, 1], [], dydt, &make);
     }
 
@@ -488,15 +488,15 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         self.evaluate(t, y, turn, vectors, dydt, make);
     }
 
-    fn losses(&self) -> Losses {
-        self.losses
+    fn dissipation(&self) -> Dissipation {
+        self.dissipation
     }
 
     /// Twice the kinetic energy of the velocities in `v`, and positions by the speed at which a contact at rest would
     /// swing; the square root of it. Friction is symmetric in this norm.
     fn length(&mut self, v: &[Motion<W>]) -> f64 {
         let clock = Instant::now();
-        let Setting { mass, inverse_inertia, .. } = self.forces.setting;
+        let BodyParameters { mass, inverse_inertia, .. } = self.forces.parameters;
         let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
         let stiffness = self.forces.law.kappa * self.forces.law.f_0;
         let square = |body: &Motion<W>| {
@@ -510,7 +510,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
     }
 
     fn add_direction(&mut self, round: u64, share: f64, v: &mut [Motion<W>]) {
-        let size = 1.0 / (self.forces.setting.mass * self.count() as f64).sqrt();
+        let size = 1.0 / (self.forces.parameters.mass * self.count() as f64).sqrt();
         let (r, ids) = (self.forces.law.r, &self.ids[..self.forces.owned]);
         threads::for_chunks(v, threads::GRAIN, |first, chunk| {
             for (body, &id) in chunk.iter_mut().zip(&ids[first..]) {
@@ -530,7 +530,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
 
     /// 1.5e-8 of a particle at the speed of `velocity_scale`: half of the digits.
     fn small_length(&self) -> f64 {
-        f64::EPSILON.sqrt() * self.forces.setting.mass.sqrt() * self.velocity_scale
+        f64::EPSILON.sqrt() * self.forces.parameters.mass.sqrt() * self.velocity_scale
     }
 
     fn agree(
@@ -538,7 +538,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         y: &[Motion<W>],
         next: &mut [Motion<W>],
         finish: &(impl Fn(usize, &mut [Motion<W>]) -> f64 + Sync),
-    ) -> Verdict {
+    ) -> TrialOutcome {
         let clock = Instant::now();
         let origin = &self.origin[..];
         let largest = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|k| larger(a[k], b[k]));
@@ -557,14 +557,14 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         };
         let [error, drift, way, speed] = threads::chunks(next, threads::GRAIN, measure, largest);
         let moved = [larger(self.moved[0], drift), larger(self.moved[1], way)];
-        let wish = self.outside.map_or(StopRequest::Nothing, |outside| outside()).weight();
-        let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), wish];
+        let request = self.interrupts.map_or(StopRequest::Nothing, |interrupts| interrupts()).weight();
+        let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), request];
         self.comm.max(&mut shared);
-        let [error, from_origin, from_start, speed, drift, wish] = shared;
-        self.wish = StopRequest::of_weight(wish);
+        let [error, from_origin, from_start, speed, drift, request] = shared;
+        self.request = StopRequest::of_weight(request);
         self.candidate = Extremes { speed, drift };
         self.clocks.reduction += clock.elapsed();
-        Verdict {
+        TrialOutcome {
             error,
             covered: from_origin <= self.free_path().powi(2),
             within_travel: from_start <= self.travel().powi(2),

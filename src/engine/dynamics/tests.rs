@@ -19,12 +19,12 @@ type Body = Motion<Spinning>;
 /// Bits of the slopes by id, at the start and after a move, and the pairs that were evaluated.
 type Answer = (BTreeMap<u64, Vec<u64>>, u64);
 
-fn setting() -> Setting {
+fn parameters() -> BodyParameters {
     let walls = vec![
         Wall::new(Vec3::repeat(-0.1), -Vec3::z()),
         Wall::new(Vec3::new(1.4, 0.2, 0.0), Vec3::new(3.0, 0.1, 0.4)),
     ];
-    Setting { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
+    BodyParameters { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
 }
 
 fn law() -> Law<Dissipative, Coulomb> {
@@ -46,7 +46,7 @@ fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
         let own = rows::block(bodies.len() as u64, comm.rank(), ranks);
         let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
         let mut dynamics =
-            Dynamics::new(comm, law(), setting(), 1.0, own.collect(), &mut y, &mut []).unwrap();
+            Dynamics::new(comm, law(), parameters(), 1.0, own.collect(), &mut y, &mut []).unwrap();
         dynamics.slabs = Slabs::with_inner_bounds(bounds);
         dynamics.relocate(0.0, &mut y, &mut []).unwrap();
         let (low, high) = dynamics.slabs().of(comm.rank());
@@ -154,11 +154,11 @@ fn slabs_share_out_near_pairs_and_not_particles() {
             let ids: Vec<u64> = (0..1000).filter(|id| *id as usize % ranks == comm.rank()).collect();
             let body = |&id: &u64| Motion { x: x[id as usize], v: Vec3::zeros(), omega: Locked };
             let mut y = ids.iter().map(body).collect();
-            let setting =
-                Setting { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
-            let mut dynamics = Dynamics::new(comm, law, setting, 1.0, ids, &mut y, &mut []).unwrap();
+            let parameters =
+                BodyParameters { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
+            let mut dynamics = Dynamics::new(comm, law, parameters, 1.0, ids, &mut y, &mut []).unwrap();
             // The first lists were not known when the first bounds were set.
-            dynamics.rebuild(&mut Anchor::new(0.0, y)).unwrap();
+            dynamics.rebuild(&mut StepStart::new(0.0, y)).unwrap();
             let expected: Vec<u64> = dynamics.ids().iter().map(|&id| work(id)).collect();
             assert_eq!(dynamics.forces.loads(), expected);
             let (mut loads, mut counts) = (vec![0; ranks], vec![0; ranks]);
@@ -173,8 +173,8 @@ fn slabs_share_out_near_pairs_and_not_particles() {
 }
 
 /// On a floor, below which the bed begins.
-fn floor() -> Setting {
-    Setting { walls: vec![Wall::new(Vec3::repeat(-0.09), -Vec3::z())], ..setting() }
+fn floor() -> BodyParameters {
+    BodyParameters { walls: vec![Wall::new(Vec3::repeat(-0.09), -Vec3::z())], ..parameters() }
 }
 
 /// A bed of `n` spheres, 4 deep and 8 wide, that overlap a little, with velocities and spins.

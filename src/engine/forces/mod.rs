@@ -13,13 +13,13 @@ use crate::model::particle::{Motion, Spin};
 use crate::model::wall::Wall;
 use crate::ode::Linear;
 use crate::threads;
+use block_bodies::{BlockBodies, OutboxSlot, clear_for};
 use blocks::each_block;
-pub use pass::{CHUNK, Place};
-use site::{Seen, Site, clear_for};
+pub use pass::{CHUNK, StageMaker};
 
+mod block_bodies;
 mod blocks;
 mod pass;
-mod site;
 
 /// How far beyond the cut-off near pairs are picked, as a share of the radius.
 const INNER_SKIN: f64 = 0.1;
@@ -29,7 +29,7 @@ const BLOCK: [usize; 2] = [64, 512];
 
 /// What the equations of motion need besides the contact law.
 #[derive(Debug, Clone)]
-pub struct Setting {
+pub struct BodyParameters {
     /// Mass of every particle, kg.
     pub mass: f64,
     /// 1/I, 1/(kg m^2); I = 2/5 m r^2 for a homogeneous sphere.
@@ -94,17 +94,17 @@ impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Dissipated<'_, R, T> {
 }
 
 /// Blocks and their bodies.
-type Seat<'a, W> = (&'a mut [Block], &'a mut [Site<W>]);
+type BlockParts<'a, W> = (&'a mut [Block], &'a mut [BlockBodies<W>]);
 
 /// The same with their windows.
-type Windowed<'a, W> = (Seat<'a, W>, &'a mut [Vec<Motion<W>>]);
+type WithOutbox<'a, W> = (BlockParts<'a, W>, &'a mut [Vec<Motion<W>>]);
 
 /// Bodies, lists and forces of one rank.
 pub struct Forces<R, T, W> {
     /// Contact law.
     pub law: Law<R, T>,
     /// Masses, gravity and walls.
-    pub setting: Setting,
+    pub parameters: BodyParameters,
     /// Who may touch whom.
     pub lists: Lists,
     /// Number of owned particles; they have the first local indices, ghosts the next.
@@ -114,15 +114,15 @@ pub struct Forces<R, T, W> {
     /// The same from 0 to 1, as shares of the owned particles.
     shares: Vec<f64>,
     /// The bodies of every block.
-    sites: Vec<Site<W>>,
+    block_bodies: Vec<BlockBodies<W>>,
     /// What every block shows of itself, in one stage and in the next.
-    windows: [Vec<Vec<Motion<W>>>; 2],
+    outboxes: [Vec<Vec<Motion<W>>>; 2],
     /// Which of the two belongs to the stage at hand.
-    shown: usize,
+    current: usize,
     /// The ghosts.
     ghosts: Vec<Motion<W>>,
     /// Where the particles that are sent to other ranks are to be seen.
-    sent: Vec<Seen>,
+    exports: Vec<OutboxSlot>,
     /// Hidden particles of every block that are in place before its pairs are begun, at most.
     ahead: usize,
     set: InstructionSet,
@@ -130,19 +130,19 @@ pub struct Forces<R, T, W> {
 
 impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// No particles yet. This processor must have the instructions of `set`.
-    pub fn new(law: Law<R, T>, setting: Setting, set: InstructionSet) -> Self {
+    pub fn new(law: Law<R, T>, parameters: BodyParameters, set: InstructionSet) -> Self {
         Forces {
             law,
-            setting,
+            parameters,
             lists: Lists::default(),
             owned: 0,
             bounds: vec![0, 0],
             shares: Vec::new(),
-            sites: Vec::new(),
-            windows: [const { Vec::new() }; 2],
-            shown: 0,
+            block_bodies: Vec::new(),
+            outboxes: [const { Vec::new() }; 2],
+            current: 0,
             ghosts: Vec::new(),
-            sent: Vec::new(),
+            exports: Vec::new(),
             ahead: 0,
             set,
         }
@@ -156,11 +156,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         bodies: &[Motion<W>],
         owned: usize,
         keys: &[Key],
-        [reach, wall_reach]: [f64; 2],
-        sent: impl Iterator<Item = usize> + Clone,
+        [cutoff, wall_cutoff]: [f64; 2],
+        exports: impl Iterator<Item = usize> + Clone,
     ) {
         self.owned = owned;
-        let grain = BLOCK[usize::from(!threads::is_attended())];
+        let grain = BLOCK[usize::from(!threads::is_spinning())];
         let blocks = threads::blocks(owned, grain);
         if self.shares.len() != blocks + 1 {
             self.shares = (0..=blocks).map(|b| b as f64 / blocks as f64).collect();
@@ -169,9 +169,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         let list = |forces: &mut Self| {
             let bound = |share: &f64| (share * owned as f64).round() as usize;
             forces.bounds = forces.shares.iter().map(bound).collect();
-            let walls = (&forces.setting.walls[..], wall_reach);
-            forces.lists.rebuild_between(&forces.bounds, &x, keys, reach, walls);
-            forces.seat(bodies, sent.clone());
+            let walls = (&forces.parameters.walls[..], wall_cutoff);
+            forces.lists.rebuild_between(&forces.bounds, &x, keys, cutoff, walls);
+            forces.load_bodies(bodies, exports.clone());
         };
         list(self);
         if blocks > 1 && self.imbalance() > TOLERATED_IMBALANCE {
@@ -181,38 +181,38 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     }
 
     /// Brings all bodies to their blocks, and opens windows.
-    fn seat(&mut self, bodies: &[Motion<W>], sent: impl Iterator<Item = usize> + Clone) {
-        let Forces { lists, owned, sites, windows, ghosts, .. } = self;
-        lists.find_seen(sent.clone());
+    fn load_bodies(&mut self, bodies: &[Motion<W>], exports: impl Iterator<Item = usize> + Clone) {
+        let Forces { lists, owned, block_bodies, outboxes, ghosts, .. } = self;
+        lists.find_exported(exports.clone());
         let blocks = lists.blocks.len();
-        let seen = |i: usize| match i.checked_sub(*owned) {
-            None => lists.place_of_seen(i),
+        let source = |i: usize| match i.checked_sub(*owned) {
+            None => lists.outbox_slot(i),
             Some(ghost) => [blocks as u32, ghost as u32],
         };
-        self.sent.clear();
-        self.sent.extend(sent.map(seen));
-        sites.resize_with(blocks, Site::default);
+        self.exports.clear();
+        self.exports.extend(exports.map(source));
+        block_bodies.resize_with(blocks, BlockBodies::default);
         clear_for(ghosts, bodies.len() - *owned);
         ghosts.extend_from_slice(&bodies[*owned..]);
-        for windows in windows {
-            windows.resize_with(blocks, Vec::new);
-            for (block, window) in lists.blocks.iter().zip(windows) {
-                clear_for(window, block.seen.len());
-                window.resize(block.seen.len(), Motion::zero());
+        for outboxes in outboxes {
+            outboxes.resize_with(blocks, Vec::new);
+            for (block, outbox) in lists.blocks.iter().zip(outboxes) {
+                clear_for(outbox, block.exported.len());
+                outbox.resize(block.exported.len(), Motion::zero());
             }
         }
-        for (block, site) in lists.blocks.iter().zip(sites) {
-            site.ways = [0.0; 3];
-            site.begin();
-            site.seen.clear();
-            site.seen.extend(block.visitors.iter().map(|&i| seen(i as usize)));
+        for (block, local) in lists.blocks.iter().zip(block_bodies) {
+            local.distances = [0.0; 3];
+            local.begin();
+            local.ghost_sources.clear();
+            local.ghost_sources.extend(block.ghosts.iter().map(|&i| source(i as usize)));
         }
-        let Forces { law, setting, lists, bounds, sites, .. } = self;
-        let seat = |(blocks, sites): Seat<W>, ()| {
-            sites[0].seat(&blocks[0], bodies);
-            sites[0].pick_near(&mut blocks[0], law, &setting.walls);
+        let Forces { law, parameters, lists, bounds, block_bodies, .. } = self;
+        let load_bodies = |(blocks, block_bodies): BlockParts<W>, ()| {
+            block_bodies[0].load(&blocks[0], bodies);
+            block_bodies[0].pick_near(&mut blocks[0], law, &parameters.walls);
         };
-        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &seat, &|(), ()| ());
+        each_block(bounds, (&mut lists.blocks[..], &mut block_bodies[..]), (), &load_bodies, &|(), ()| ());
     }
 
     /// The largest work of a block over the mean of all.
@@ -246,9 +246,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// From now on evaluates contacts up to `gap` (m), which the lists must cover.
     pub fn evaluate_within(&mut self, gap: f64) {
         self.law.l_max = gap;
-        let Forces { law, setting, lists, bounds, sites, .. } = self;
-        let pick = |(blocks, sites): Seat<W>, ()| sites[0].pick_near(&mut blocks[0], law, &setting.walls);
-        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &pick, &|(), ()| ());
+        let Forces { law, parameters, lists, bounds, block_bodies, .. } = self;
+        let pick = |(blocks, block_bodies): BlockParts<W>, ()| {
+            block_bodies[0].pick_near(&mut blocks[0], law, &parameters.walls)
+        };
+        each_block(bounds, (&mut lists.blocks[..], &mut block_bodies[..]), (), &pick, &|(), ()| ());
     }
 
     /// The ghosts.
@@ -258,32 +260,38 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Moves the owned bodies to `y`; the ghosts are in place.
     pub fn put(&mut self, y: &[Motion<W>]) {
-        let Forces { law, setting, lists, bounds, sites, windows, shown, ghosts, .. } = self;
-        let windows = &mut windows[*shown];
-        let own = ((&mut lists.blocks[..], &mut sites[..]), &mut windows[..]);
-        let put = |((blocks, sites), windows): Windowed<W>, y: &[Motion<W>]| {
-            sites[0].bodies[..y.len()].copy_from_slice(y);
-            sites[0].show(&blocks[0], &mut windows[0]);
+        let Forces { law, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, .. } = self;
+        let outboxes = &mut outboxes[*current];
+        let own = ((&mut lists.blocks[..], &mut block_bodies[..]), &mut outboxes[..]);
+        let put = |((blocks, block_bodies), outboxes): WithOutbox<W>, y: &[Motion<W>]| {
+            block_bodies[0].bodies[..y.len()].copy_from_slice(y);
+            block_bodies[0].export(&blocks[0], &mut outboxes[0]);
         };
         each_block(bounds, own, y, &put, &|(), ()| ());
-        let follow = |(blocks, sites): Seat<W>, ()| {
-            sites[0].look(&blocks[0], windows, ghosts);
-            sites[0].follow(&mut blocks[0], law, &setting.walls);
-            sites[0].ways = [0.0; 3];
+        let repick_if_strayed = |(blocks, block_bodies): BlockParts<W>, ()| {
+            block_bodies[0].import_ghosts(&blocks[0], outboxes, ghosts);
+            block_bodies[0].repick_if_strayed(&mut blocks[0], law, &parameters.walls);
+            block_bodies[0].distances = [0.0; 3];
         };
-        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (), &follow, &|(), ()| ());
+        each_block(
+            bounds,
+            (&mut lists.blocks[..], &mut block_bodies[..]),
+            (),
+            &repick_if_strayed,
+            &|(), ()| (),
+        );
     }
 
     /// Particle `k` of those that are sent to other ranks.
-    pub fn sent(&self, k: usize) -> &Motion<W> {
-        let [window, place] = self.sent[k];
-        &self.windows[self.shown][window as usize][place as usize]
+    pub fn export(&self, k: usize) -> &Motion<W> {
+        let [outbox, slot] = self.exports[k];
+        &self.outboxes[self.current][outbox as usize][slot as usize]
     }
 
     /// The owned bodies in place.
     pub fn state(&self) -> Vec<Motion<W>> {
-        let own = |(block, site): (&Block, &Site<W>)| site.bodies[..block.range.len()].to_vec();
-        self.lists.blocks.iter().zip(&self.sites).flat_map(own).collect()
+        let own = |(block, local): (&Block, &BlockBodies<W>)| local.bodies[..block.range.len()].to_vec();
+        self.lists.blocks.iter().zip(&self.block_bodies).flat_map(own).collect()
     }
 
     /// A wall is a motionless partner with n = -n_k.
@@ -331,29 +339,29 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         take: impl Fn(A, [f64; 2]) -> A + Sync,
         combine: impl Fn(A, A) -> A + Sync,
     ) -> A {
-        let Forces { law, setting, lists, bounds, sites, set, .. } = self;
-        let work = |(blocks, sites): (&[Block], &mut [Site<W>]), ()| {
-            let Site { bodies, batch, .. } = &mut sites[0];
+        let Forces { law, parameters, lists, bounds, block_bodies, set, .. } = self;
+        let work = |(blocks, block_bodies): (&[Block], &mut [BlockBodies<W>]), ()| {
+            let BlockBodies { bodies, batch, .. } = &mut block_bodies[0];
             let mut sum = identity;
-            let survey = Survey { r: law.r, walls: &setting.walls, bodies, block: &blocks[0], batch };
+            let survey = Survey { r: law.r, walls: &parameters.walls, bodies, block: &blocks[0], batch };
             kernel::measure(*set, survey, measure, |terms| sum = take(sum, terms));
             sum
         };
-        each_block(bounds, (&lists.blocks[..], &mut sites[..]), (), &work, &combine)
+        each_block(bounds, (&lists.blocks[..], &mut block_bodies[..]), (), &work, &combine)
     }
 
     /// The contacts of the bodies in place whose force is not finite.
     pub fn broken(&self) -> impl Iterator<Item = Broken> {
         let finite = |action: &Action<W>| (action.force.norm_squared() + action.torque.max_abs()).is_finite();
-        self.lists.blocks.iter().zip(&self.sites).flat_map(move |(block, site)| {
-            let body = |place: u32| &site.bodies[place as usize];
+        self.lists.blocks.iter().zip(&self.block_bodies).flat_map(move |(block, local)| {
+            let body = |slot: u32| &local.bodies[slot as usize];
             let pairs = block.pairs.iter().filter(|[i, _]| block.owns(*i));
             let pairs = pairs.filter(move |&&[i, j]| !finite(&self.pair_action(body(i), body(j))));
             let pairs = pairs.map(move |&[i, j]| {
                 Broken::Pair(block.index(i), block.index(j), (body(i).x - body(j).x).norm())
             });
             let walls =
-                block.walls.iter().map(move |&[i, k]| (i, k as usize, &self.setting.walls[k as usize]));
+                block.walls.iter().map(move |&[i, k]| (i, k as usize, &self.parameters.walls[k as usize]));
             let walls = walls.filter(move |(i, _, wall)| {
                 self.wall_action(wall, body(*i)).is_some_and(|action| !finite(&action))
             });
@@ -372,9 +380,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         let mut loads = vec![LOAD; self.owned];
         for block in &self.lists.blocks {
             for pair in &block.near {
-                let part = if pair.iter().all(|&place| block.owns(place)) { 1 } else { across };
-                for &place in pair.iter().filter(|&&place| block.owns(place)) {
-                    loads[block.index(place)] += part;
+                let part = if pair.iter().all(|&slot| block.owns(slot)) { 1 } else { across };
+                for &slot in pair.iter().filter(|&&slot| block.owns(slot)) {
+                    loads[block.index(slot)] += part;
                 }
             }
         }
@@ -383,11 +391,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Memory held, bytes.
     pub fn bytes(&self) -> usize {
-        let windows =
-            self.windows.iter().flatten().map(Vec::capacity).sum::<usize>() + self.ghosts.capacity();
+        let outboxes =
+            self.outboxes.iter().flatten().map(Vec::capacity).sum::<usize>() + self.ghosts.capacity();
         self.lists.bytes()
-            + self.sites.iter().map(Site::bytes).sum::<usize>()
-            + windows * size_of::<Motion<W>>()
-            + self.sent.capacity() * size_of::<Seen>()
+            + self.block_bodies.iter().map(BlockBodies::bytes).sum::<usize>()
+            + outboxes * size_of::<Motion<W>>()
+            + self.exports.capacity() * size_of::<OutboxSlot>()
     }
 }

@@ -4,8 +4,8 @@
 //! Particles that other threads and ranks must see come first, so that they travel while the next ones are made. None of
 //! this changes the order in which a particle sums.
 
-use super::site::{Site, allowed, distance_squared, furthest};
-use super::{Forces, Seat, Setting, Windowed, each_block};
+use super::block_bodies::{BlockBodies, allowed, distance_squared, furthest};
+use super::{BlockParts, BodyParameters, Forces, WithOutbox, each_block};
 use crate::engine::kernel::{self, Sweep};
 use crate::engine::neighbors::{BATCH, Block};
 use crate::math::instructions::InstructionSet;
@@ -28,7 +28,7 @@ const AHEAD: usize = 1024;
 const BATCHES: usize = 8;
 
 /// How the owned bodies come into place.
-pub struct Place<'a, F, W> {
+pub struct StageMaker<'a, F, W> {
     /// `make(stage, first, items, bodies, slopes)` puts bodies from particle `first` on into place; `items` belong to them, and
     /// the slopes are what they were.
     pub make: &'a F,
@@ -38,22 +38,22 @@ pub struct Place<'a, F, W> {
     pub origin: &'a [Vec3],
     /// How far from there they may be, squared, m^2.
     pub free: f64,
-    /// Bodies when the step began: the same since `Forces::begin`.
+    /// Bodies when the step began: the same since `Forces::begin_step`.
     pub start: &'a [Motion<W>],
 }
 
-impl<F, W> Clone for Place<'_, F, W> {
+impl<F, W> Clone for StageMaker<'_, F, W> {
     fn clone(&self) -> Self {
         *self
     }
 }
 
-impl<F, W> Copy for Place<'_, F, W> {}
+impl<F, W> Copy for StageMaker<'_, F, W> {}
 
 /// What is the same for all particles.
 struct Field<'a, R, T> {
     law: &'a Law<R, T>,
-    setting: &'a Setting,
+    parameters: &'a BodyParameters,
     set: InstructionSet,
 }
 
@@ -65,8 +65,8 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
     /// (N m) of walls.
     fn advance<W: Spin, C: Cut>(
         &self,
-        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
-        (block, site): (&Block, &mut Site<W>),
+        maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
+        (block, local): (&Block, &mut BlockBodies<W>),
         part: Range<usize>,
         mut rows: Rows<W, C>,
     ) {
@@ -76,10 +76,10 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
             let chunk = first..part.end.min(first + CHUNK);
             let ((slopes, items), rest) = rows.cut(chunk.len());
             rows = rest;
-            let (bodies, picked) = (&mut site.bodies[chunk.clone()], &site.picked[chunk.clone()]);
+            let (bodies, picked) = (&mut local.bodies[chunk.clone()], &local.picked[chunk.clone()]);
             let own = block.range.start + chunk.start..block.range.start + chunk.end;
-            (place.make)(place.stage, own.start, items, bodies, slopes);
-            let starts = &place.start[own.clone()];
+            (maker.make)(maker.stage, own.start, items, bodies, slopes);
+            let starts = &maker.start[own.clone()];
             let (mut way, mut sum) = (0.0, 0.0);
             for ((body, slope), start) in bodies.iter().zip(&mut *slopes).zip(starts) {
                 let apart = distance_squared(&body.x, &start.x);
@@ -92,27 +92,27 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
                 way = f64::INFINITY;
             }
             let ends = (&*bodies, starts);
-            let from_origin = site.from_origin.furthest(&place.origin[own], ends, way, place.free);
-            let strayed = site.from_picked.furthest(picked, ends, way, allowed);
-            site.ways = furthest(site.ways, [from_origin, way, strayed]);
-            self.add_walls(strayed <= allowed, (block, site), chunk.clone(), slopes);
+            let from_origin = local.from_origin.furthest(&maker.origin[own], ends, way, maker.free);
+            let strayed = local.from_picked.furthest(picked, ends, way, allowed);
+            local.distances = furthest(local.distances, [from_origin, way, strayed]);
+            self.add_walls(strayed <= allowed, (block, local), chunk.clone(), slopes);
             first = chunk.end;
         }
     }
 
     /// Brings the particles at both ends, up to the last that others see, to their stage, and shows those that are seen in the
     /// window; the rows belong to the two ends.
-    fn show<W: Spin, C: Cut>(
+    fn export<W: Spin, C: Cut>(
         &self,
-        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
-        (block, site): (&Block, &mut Site<W>),
-        window: &mut [Motion<W>],
+        maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
+        (block, local): (&Block, &mut BlockBodies<W>),
+        outbox: &mut [Motion<W>],
         [front, back]: [Rows<W, C>; 2],
     ) {
-        let Range { start, end } = block.hidden;
-        self.advance(place, (block, site), 0..start, front);
-        self.advance(place, (block, site), end..block.range.len(), back);
-        site.show(block, window);
+        let Range { start, end } = block.interior;
+        self.advance(maker, (block, local), 0..start, front);
+        self.advance(maker, (block, local), end..block.range.len(), back);
+        local.export(block, outbox);
     }
 
     /// Adds forces and torques of walls to the slopes of the particles of `part`: of those that were picked as near, while
@@ -120,30 +120,30 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
     fn add_walls<W: Spin>(
         &self,
         near: bool,
-        (block, site): (&Block, &mut Site<W>),
+        (block, local): (&Block, &mut BlockBodies<W>),
         part: Range<usize>,
         slopes: &mut [Motion<W>],
     ) {
         let contacts = if near { &block.near_walls } else { &block.walls };
         let before = |end: usize| contacts.partition_point(|contact| (contact[0] as usize) < end);
         let contacts = &contacts[before(part.start)..before(part.end)];
-        let Site { bodies, batch, .. } = site;
+        let BlockBodies { bodies, batch, .. } = local;
         let sweep = Sweep { law: self.law, bodies: &bodies[part.clone()], batch, slopes };
-        kernel::add_walls(self.set, part.start, (contacts, &self.setting.walls), sweep);
+        kernel::add_walls(self.set, part.start, (contacts, &self.parameters.walls), sweep);
     }
 
     /// Begins the slopes of all own particles in place anew, with velocities and walls.
-    fn begin_again<W: Spin>(&self, (block, site): (&Block, &mut Site<W>), slopes: &mut [Motion<W>]) {
-        slopes.iter_mut().zip(&site.bodies).for_each(|(slope, body)| clear(slope, body));
-        self.add_walls(true, (block, site), 0..slopes.len(), slopes);
+    fn begin_again<W: Spin>(&self, (block, local): (&Block, &mut BlockBodies<W>), slopes: &mut [Motion<W>]) {
+        slopes.iter_mut().zip(&local.bodies).for_each(|(slope, body)| clear(slope, body));
+        self.add_walls(true, (block, local), 0..slopes.len(), slopes);
     }
 
     /// Makes accelerations of forces and torques, eqs. (2.13)-(2.15).
     fn finish<W: Spin>(&self, slopes: &mut [Motion<W>]) {
-        let inverse_mass = 1.0 / self.setting.mass;
+        let inverse_mass = 1.0 / self.parameters.mass;
         for slope in slopes {
-            slope.v = slope.v * inverse_mass + self.setting.gravity;
-            slope.omega = slope.omega.scaled(self.setting.inverse_inertia);
+            slope.v = slope.v * inverse_mass + self.parameters.gravity;
+            slope.omega = slope.omega.scaled(self.parameters.inverse_inertia);
         }
     }
 }
@@ -167,11 +167,11 @@ struct Pairs {
 impl Pairs {
     /// Evaluates pairs, and finishes slopes, as far as that is possible with the own particles before `limit` in place,
     /// besides the visitors.
-    fn follow<R: Rebound, T: Tangential, W: Spin>(
+    fn sum_ready<R: Rebound, T: Tangential, W: Spin>(
         &mut self,
         limit: usize,
         field: &Field<R, T>,
-        (block, site): (&Block, &mut Site<W>),
+        (block, local): (&Block, &mut BlockBodies<W>),
         slopes: &mut [Motion<W>],
     ) {
         let Block { near, horizon, .. } = block;
@@ -180,7 +180,7 @@ impl Pairs {
             let ready = ready.take_while(|&&horizon| horizon as usize <= limit).count();
             if ready > 0 {
                 let pairs = &near[self.batches * BATCH..near.len().min((self.batches + ready) * BATCH)];
-                let Site { bodies, batch, .. } = &mut *site;
+                let BlockBodies { bodies, batch, .. } = &mut *local;
                 let sweep = Sweep { law: field.law, bodies, batch, slopes: &mut *slopes };
                 self.count += kernel::add_pairs(field.set, pairs, sweep);
                 self.batches += ready;
@@ -201,52 +201,58 @@ impl Pairs {
 
 impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// A step begins: from a `Place::start` that no right-hand side so far had.
-    pub fn begin(&mut self) {
-        self.sites.iter_mut().for_each(Site::begin);
+    pub fn begin_step(&mut self) {
+        self.block_bodies.iter_mut().for_each(BlockBodies::begin);
     }
 
     /// Begins a right-hand side: brings those bodies that others see to the stage that `place` makes. `items` belong to the
     /// owned particles. Needs no ghosts.
-    pub fn open<C: Cut>(
+    pub fn begin_stage<C: Cut>(
         &mut self,
-        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
+        maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
         items: C,
         dydt: &mut [Motion<W>],
     ) {
-        let Forces { law, setting, lists, bounds, sites, windows, shown, set, .. } = self;
-        let windows = &mut windows[*shown][..];
-        if windows.iter().all(Vec::is_empty) {
+        let Forces { law, parameters, lists, bounds, block_bodies, outboxes, current, set, .. } = self;
+        let outboxes = &mut outboxes[*current][..];
+        if outboxes.iter().all(Vec::is_empty) {
             return;
         }
-        let field = Field { law, setting, set: *set };
-        let work = move |((blocks, sites), windows): Windowed<W>, rows: Rows<W, C>| {
-            let (block, site) = (&blocks[0], &mut sites[0]);
-            let (front, rows) = rows.cut(block.hidden.start);
-            let back = rows.cut(block.hidden.len()).1;
-            field.show(place, (block, site), &mut windows[0], [front, back]);
+        let field = Field { law, parameters, set: *set };
+        let work = move |((blocks, block_bodies), outboxes): WithOutbox<W>, rows: Rows<W, C>| {
+            let (block, local) = (&blocks[0], &mut block_bodies[0]);
+            let (front, rows) = rows.cut(block.interior.start);
+            let back = rows.cut(block.interior.len()).1;
+            field.export(maker, (block, local), &mut outboxes[0], [front, back]);
         };
-        let own = ((&mut lists.blocks[..], &mut sites[..]), windows);
+        let own = ((&mut lists.blocks[..], &mut block_bodies[..]), outboxes);
         each_block(bounds, own, (dydt, items), &work, &|(), ()| ());
     }
 
     /// Goes on with bodies that nobody else sees, while ghosts are under way. Needs no ghosts.
-    pub fn go_on<C: Cut>(
+    pub fn advance_interior<C: Cut>(
         &mut self,
-        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
+        maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
         items: C,
         dydt: &mut [Motion<W>],
     ) {
         self.ahead = AHEAD;
-        let Forces { law, setting, lists, bounds, sites, set, .. } = self;
-        let field = Field { law, setting, set: *set };
-        let work = move |(blocks, sites): Seat<W>, rows: Rows<W, C>| {
-            let (block, site) = (&blocks[0], &mut sites[0]);
-            let Range { start, end } = block.hidden;
+        let Forces { law, parameters, lists, bounds, block_bodies, set, .. } = self;
+        let field = Field { law, parameters, set: *set };
+        let work = move |(blocks, block_bodies): BlockParts<W>, rows: Rows<W, C>| {
+            let (block, local) = (&blocks[0], &mut block_bodies[0]);
+            let Range { start, end } = block.interior;
             let end = end.min(start + AHEAD);
             let rows = rows.cut(start).1.cut(end - start).0;
-            field.advance(place, (block, site), start..end, rows);
+            field.advance(maker, (block, local), start..end, rows);
         };
-        each_block(bounds, (&mut lists.blocks[..], &mut sites[..]), (dydt, items), &work, &|(), ()| ());
+        each_block(
+            bounds,
+            (&mut lists.blocks[..], &mut block_bodies[..]),
+            (dydt, items),
+            &work,
+            &|(), ()| (),
+        );
     }
 
     /// Ends a right-hand side: brings the bodies that are left into place, adds pairs, and leaves accelerations in the slopes,
@@ -254,26 +260,28 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// slopes of particles at both ends are begun anew. Returns how many pairs are within `l_max` and have the earlier of
     /// their particles here, so that over all ranks every pair is counted once, and the largest squared distances of the owned
     /// bodies from where the lists were built, as far as they may exceed `free`, and from where the step began, m^2.
-    pub fn close<C: Cut>(
+    pub fn finish_stage<C: Cut>(
         &mut self,
-        place: Place<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
-        goes_on: bool,
+        maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
+        begins_next: bool,
         items: C,
         dydt: &mut [Motion<W>],
     ) -> (u64, [f64; 2]) {
         let ahead = std::mem::take(&mut self.ahead);
-        let Forces { law, setting, lists, bounds, sites, windows, shown, ghosts, set, .. } = self;
-        let (law, setting) = (&*law, &*setting);
-        let (field, allowed) = (Field { law, setting, set: *set }, allowed(law.r));
-        let [even, odd] = windows;
-        let (windows, next_windows) = if *shown == 0 { (even, odd) } else { (odd, even) };
-        let goes_on = goes_on && !windows.iter().all(Vec::is_empty);
-        let (windows, ghosts) = (&windows[..], &ghosts[..]);
-        let work = move |((blocks, sites), next_windows): Windowed<W>, (slopes, items): Rows<W, C>| {
+        let Forces { law, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, set, .. } =
+            self;
+        let (law, parameters) = (&*law, &*parameters);
+        let (field, allowed) = (Field { law, parameters, set: *set }, allowed(law.r));
+        let [even, odd] = outboxes;
+        let (outboxes, next_windows) = if *current == 0 { (even, odd) } else { (odd, even) };
+        let begins_next = begins_next && !outboxes.iter().all(Vec::is_empty);
+        let (outboxes, ghosts) = (&outboxes[..], &ghosts[..]);
+        let work = move |((blocks, block_bodies), next_windows): WithOutbox<W>,
+                         (slopes, items): Rows<W, C>| {
             fail_point!("worker");
-            let (block, site) = (&mut blocks[0], &mut sites[0]);
-            site.look(block, windows, ghosts);
-            let (own, Range { start, end }) = (block.range.len(), block.hidden.clone());
+            let (block, local) = (&mut blocks[0], &mut block_bodies[0]);
+            local.import_ghosts(block, outboxes, ghosts);
+            let (own, Range { start, end }) = (block.range.len(), block.interior.clone());
             let mut placed = end.min(start + ahead);
             let (front, items) = items.cut(start);
             let (items, back) = items.cut(end - start);
@@ -282,8 +290,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             loop {
                 // What is behind the hidden ones is in place too.
                 let limit = if placed < end { placed } else { own };
-                if site.ways[2] <= allowed {
-                    pairs.follow(limit, &field, (block, site), slopes);
+                if local.distances[2] <= allowed {
+                    pairs.sum_ready(limit, &field, (block, local), slopes);
                 }
                 if placed == end {
                     break;
@@ -291,30 +299,30 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
                 let part = placed..end.min(placed + CHUNK);
                 let (these, rest) = items.cut(part.len());
                 items = rest;
-                field.advance(place, (block, site), part.clone(), (&mut slopes[part.clone()], these));
+                field.advance(maker, (block, local), part.clone(), (&mut slopes[part.clone()], these));
                 placed = part.end;
             }
-            let [from_origin, from_start, strayed] = site.end_stage();
+            let [from_origin, from_start, strayed] = local.end_stage();
             if strayed > allowed {
-                site.pick_near(block, law, &setting.walls);
-                field.begin_again((block, site), slopes);
+                local.pick_near(block, law, &parameters.walls);
+                field.begin_again((block, local), slopes);
                 pairs = Pairs::default();
-                pairs.follow(own, &field, (block, site), slopes);
+                pairs.sum_ready(own, &field, (block, local), slopes);
             }
-            if goes_on {
-                let next = Place { stage: place.stage + 1, ..place };
+            if begins_next {
+                let next = StageMaker { stage: maker.stage + 1, ..maker };
                 let (first, rest) = slopes.split_at_mut(start);
                 let last = &mut rest[end - start..];
-                field.show(next, (block, site), &mut next_windows[0], [(first, front), (last, back)]);
+                field.export(next, (block, local), &mut next_windows[0], [(first, front), (last, back)]);
             }
             (pairs.count, [from_origin, from_start])
         };
         let both = |a: (u64, [f64; 2]), b: (u64, [f64; 2])| {
             (a.0 + b.0, [larger(a.1[0], b.1[0]), larger(a.1[1], b.1[1])])
         };
-        let own = ((&mut lists.blocks[..], &mut sites[..]), &mut next_windows[..]);
+        let own = ((&mut lists.blocks[..], &mut block_bodies[..]), &mut next_windows[..]);
         let found = each_block(bounds, own, (dydt, items), &work, &both);
-        *shown ^= usize::from(goes_on);
+        *current ^= usize::from(begins_next);
         found
     }
 }

@@ -1,7 +1,7 @@
 //! Contacts by all instruction sets and blocks.
 
 use super::*;
-use crate::engine::forces::{Dissipated, Setting, Stored};
+use crate::engine::forces::{BodyParameters, Dissipated, Stored};
 use crate::engine::neighbors::{Lists, Order};
 use crate::math::elementary::{Fused, Separate};
 use crate::model::contact::{Coulomb, Dissipative, Elastic, Frictionless};
@@ -10,12 +10,12 @@ use crate::ode::Linear;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-fn setting() -> Setting {
+fn parameters() -> BodyParameters {
     let walls = vec![
         Wall::new(Vec3::zeros(), -Vec3::z()),
         Wall::new(Vec3::new(1.0, 0.2, 0.0), Vec3::new(3.0, 0.1, 0.4)),
     ];
-    Setting { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
+    BodyParameters { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
 }
 
 fn law<R, T>(rebound: R, tangential: T) -> Law<R, T> {
@@ -38,17 +38,17 @@ fn cloud<W: Spin>(n: usize, blocks: usize) -> (Vec<Motion<W>>, Lists) {
     let (keys, bodies): (Vec<_>, Vec<_>) = bodies.into_iter().unzip();
     let x: Vec<Vec3> = bodies.iter().map(|body| body.x).collect();
     let mut lists = Lists::default();
-    lists.rebuild(&x, &keys, n, 0.36, (&setting().walls, 0.26), blocks);
+    lists.rebuild(&x, &keys, n, 0.36, (&parameters().walls, 0.26), blocks);
     for block in &mut lists.blocks {
-        block.pick_near(&seated(block, &bodies), 0.31, (&setting().walls, 0.2));
+        block.pick_near(&seated(block, &bodies), 0.31, (&parameters().walls, 0.2));
     }
     (bodies, lists)
 }
 
 /// The bodies of a block by place.
 fn seated<W: Spin>(block: &Block, bodies: &[Motion<W>]) -> Vec<Motion<W>> {
-    let places = 0..(block.range.len() + block.visitors.len()) as u32;
-    places.map(|place| bodies[block.index(place)]).collect()
+    let places = 0..(block.range.len() + block.ghosts.len()) as u32;
+    places.map(|slot| bodies[block.index(slot)]).collect()
 }
 
 fn slopes<R: Rebound, T: Tangential, W: Spin>(
@@ -57,7 +57,7 @@ fn slopes<R: Rebound, T: Tangential, W: Spin>(
     lists: &Lists,
     set: InstructionSet,
 ) -> (Vec<Motion<W>>, u64) {
-    let setting = setting();
+    let parameters = parameters();
     let mut slopes = bodies.to_vec();
     let mut count = 0;
     for block in &lists.blocks {
@@ -67,12 +67,12 @@ fn slopes<R: Rebound, T: Tangential, W: Spin>(
             *slope = Motion { x: body.v, ..Motion::zero() };
         }
         let walls = Sweep { law, bodies, batch: &mut batch, slopes: &mut *slopes };
-        add_walls(set, 0, (&block.walls, &setting.walls), walls);
+        add_walls(set, 0, (&block.walls, &parameters.walls), walls);
         let pairs = Sweep { law, bodies, batch: &mut other, slopes: &mut *slopes };
         count += add_pairs(set, &block.near, pairs);
         for slope in slopes {
-            slope.v = slope.v / setting.mass + setting.gravity;
-            slope.omega = slope.omega.scaled(setting.inverse_inertia);
+            slope.v = slope.v / parameters.mass + parameters.gravity;
+            slope.omega = slope.omega.scaled(parameters.inverse_inertia);
         }
     }
     (slopes, count)
@@ -84,7 +84,7 @@ fn expected<R: Rebound, T: Tangential, W: Spin>(
     bodies: &[Motion<W>],
     i: usize,
 ) -> (Vec3, Vec3) {
-    let setting = setting();
+    let parameters = parameters();
     let (mut force, mut torque) = (Vec3::zeros(), Vec3::zeros());
     let mut add = |gap: f64, n: Vec3, v: Vec3, spins: W| {
         if gap <= law.l_max {
@@ -94,14 +94,14 @@ fn expected<R: Rebound, T: Tangential, W: Spin>(
         }
     };
     let a = &bodies[i];
-    for wall in &setting.walls {
+    for wall in &parameters.walls {
         add(wall.depth(&a.x) - law.r, -wall.normal, a.v, a.omega);
     }
     for b in bodies.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, b)| b) {
         let apart = a.x - b.x;
         add(apart.norm() - 2.0 * law.r, apart.normalize(), a.v - b.v, a.omega.plus(&b.omega));
     }
-    (force / setting.mass + setting.gravity, torque * setting.inverse_inertia)
+    (force / parameters.mass + parameters.gravity, torque * parameters.inverse_inertia)
 }
 
 fn check<R: Rebound, T: Tangential, W: Spin>(law: Law<R, T>) {
@@ -146,7 +146,7 @@ fn measured<W: Spin>(
     numbers: &impl Measure<W>,
 ) -> ([i128; 2], [f64; 2], Vec<Motion<W>>) {
     let (bodies, lists) = cloud::<W>(300, blocks);
-    let walls = &setting().walls[..];
+    let walls = &parameters().walls[..];
     let (mut sums, mut maxima) = ([0; 2], [0.0; 2]);
     for block in &lists.blocks {
         let batch = &mut Batch::default();
@@ -186,7 +186,7 @@ fn check_sums<W: Spin>(bodies: &[Motion<W>], sums: [i128; 2], maxima: [f64; 2], 
         }
     };
     for (i, a) in bodies.iter().enumerate() {
-        for wall in &setting().walls {
+        for wall in &parameters().walls {
             add(numbers.of::<Fused>(wall.depth(&a.x) - 0.1, &-wall.normal, &a.v, &a.omega));
         }
         for b in &bodies[i + 1..] {

@@ -45,7 +45,7 @@ pub fn neglected_force(scene: &Scene, scale: f64) -> f64 {
 }
 
 /// Largest gap at which contacts are evaluated, m; `scale` as for [`neglected_force`].
-pub fn reach(scene: &Scene, scale: f64) -> f64 {
+pub fn cutoff(scene: &Scene, scale: f64) -> f64 {
     let contact = &scene.contact;
     // Without a force to neglect the logarithm is infinite.
     let gap =
@@ -67,11 +67,11 @@ mod tests {
         let scale = (9.81f64 * 0.1).sqrt();
         let bed = scene(&[]);
         assert!((neglected_force(&bed, scale) - 2.4525e-3).abs() < 1e-16);
-        assert!((reach(&bed, scale) - (10.0f64 / 2.4525e-3).ln() / 150.0).abs() < 1e-15);
+        assert!((cutoff(&bed, scale) - (10.0f64 / 2.4525e-3).ln() / 150.0).abs() < 1e-15);
         let tight = scene(&["solver.tolerance=1e-3"]);
         assert!((neglected_force(&tight, scale) - 2.4525e-5).abs() < 1e-18);
         // Where the force at the interaction distance is seen, that distance holds.
-        assert_eq!(reach(&scene(&["solver.tolerance=1e-6"]), scale), 0.1);
+        assert_eq!(cutoff(&scene(&["solver.tolerance=1e-6"]), scale), 0.1);
         // However loose, contacts begin long before surfaces touch.
         assert_eq!(neglected_force(&scene(&["solver.tolerance=1e3"]), scale), 10.0 * MOST);
     }
@@ -87,7 +87,7 @@ mod tests {
             &["solver.neglected_force=0"],
         ] {
             assert_eq!(neglected_force(&scene(sets), 1.0), 0.0);
-            assert_eq!(reach(&scene(sets), 1.0), 0.1);
+            assert_eq!(cutoff(&scene(sets), 1.0), 0.1);
         }
     }
 
@@ -95,6 +95,6 @@ mod tests {
     fn a_force_of_the_scene_decides() {
         let own = scene(&["solver.neglected_force=0.5"]);
         assert_eq!(neglected_force(&own, 1.0), 0.5);
-        assert!((reach(&own, 1.0) - 20.0f64.ln() / 150.0).abs() < 1e-15);
+        assert!((cutoff(&own, 1.0) - 20.0f64.ln() / 150.0).abs() < 1e-15);
     }
 }

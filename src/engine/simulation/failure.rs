@@ -5,12 +5,12 @@ use crate::error::Error;
 use crate::math::larger;
 use crate::model::contact::{Rebound, Tangential};
 use crate::model::particle::{Motion, Spin};
-use crate::ode::{Linear, Verdict};
+use crate::ode::{Linear, TrialOutcome};
 
 impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
     /// A trial with step `h` (s) led nowhere: that is final if the state itself has no finite right-hand side or the
     /// step cannot be smaller. Collective.
-    pub(super) fn fail_if_impossible(&mut self, h: f64, verdict: Verdict) -> Result<(), Error> {
+    pub(super) fn fail_if_impossible(&mut self, h: f64, outcome: TrialOutcome) -> Result<(), Error> {
         if self.start_is_broken() {
             return Err(self.unbearable_start());
         }
@@ -19,28 +19,28 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         }
         // The same again, to see where it breaks.
         self.dynamics.watch();
-        self.integrator.attempt(&mut self.dynamics, &mut self.anchor, h, &self.norm, &mut self.trial);
+        self.integrator.attempt(&mut self.dynamics, &mut self.step_start, h, &self.norm, &mut self.trial);
         if let Some((t, state, slope)) = self.dynamics.broken() {
             return Err(self.unbearable(t, &state, &slope));
         }
-        if verdict.within_travel {
+        if outcome.within_travel {
             return Err(self.no_step(h));
         }
-        let y = &self.anchor.y;
+        let y = &self.step_start.y;
         let i = self.dynamics.worst(|i| y[i].v.norm());
-        Err(Error::TooFast { t: self.anchor.t, h, i, travel: self.dynamics.travel() })
+        Err(Error::TooFast { t: self.step_start.t, h, i, travel: self.dynamics.travel() })
     }
 
     /// Whether the right-hand side at the last accepted state is not finite. Collective.
     pub(super) fn start_is_broken(&self) -> bool {
-        let mut steepest = [self.anchor.slope.iter().map(Linear::max_abs).fold(0.0, larger)];
+        let mut steepest = [self.step_start.slope.iter().map(Linear::max_abs).fold(0.0, larger)];
         self.comm.max(&mut steepest);
         steepest[0] == f64::INFINITY
     }
 
     pub(super) fn unbearable_start(&mut self) -> Error {
-        let (y, slope) = (self.anchor.y.clone(), self.anchor.slope.clone());
-        self.unbearable(self.anchor.t, &y, &slope)
+        let (y, slope) = (self.step_start.y.clone(), self.step_start.slope.clone());
+        self.unbearable(self.step_start.t, &y, &slope)
     }
 
     /// Why the right-hand side `slope` at `state` and time `t` (s) is not finite. Collective.
@@ -53,12 +53,12 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
 
     pub(super) fn no_step(&self, h: f64) -> Error {
         let i = self.limiting_particle(h);
-        Error::NoStep { t: self.anchor.t, h, min_step: self.control.min_step, i }
+        Error::NoStep { t: self.step_start.t, h, min_step: self.control.min_step, i }
     }
 
     /// The particle with the largest error in the last trial, of step `h` (s). Collective.
     pub(super) fn limiting_particle(&self, h: f64) -> u64 {
-        let error = |i: usize| self.integrator.error_of(i, h, &self.norm, &self.anchor, &self.trial);
+        let error = |i: usize| self.integrator.error_of(i, h, &self.norm, &self.step_start, &self.trial);
         self.dynamics.worst(error)
     }
 }

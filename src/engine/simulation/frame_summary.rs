@@ -1,7 +1,7 @@
 //! What the frames of a run told so far, for its summary and its warnings.
 
 use super::Frame;
-use crate::ode::Losses;
+use crate::ode::Dissipation;
 use serde::{Deserialize, Serialize};
 
 /// What the frames told, for the summary: of the last one, unless said otherwise.
@@ -16,7 +16,7 @@ pub struct FrameSummary {
     /// Highest point, m.
     pub bed_height: f64,
     /// Energy dissipated by rebound and by friction since the start, J; zero unless `output.energy` asks for it.
-    pub dissipated: Losses,
+    pub dissipated: Dissipation,
     /// Kinetic and potential energy at t = 0, J.
     pub start_energy: f64,
     /// Largest kinetic energy of any frame, J.

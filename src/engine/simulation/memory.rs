@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::math::vector::Vec3;
 use crate::model::contact::{Law, Rebound, Tangential};
 use crate::model::particle::{Motion, Spin};
-use crate::ode::{Anchor, Limit, Losses, integrator};
+use crate::ode::{Dissipation, Limit, StepStart, integrator};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 
@@ -31,8 +31,8 @@ pub struct Memory {
     pub(super) h: f64,
     pub(super) limit: Limit,
     pub(super) last: f64,
-    pub(super) losses: Losses,
-    pub(super) dissipated: Losses,
+    pub(super) dissipation: Dissipation,
+    pub(super) dissipated: Dissipation,
     pub(super) forced_in_a_row: u64,
     pub(super) error_before: Option<f64>,
     pub(super) rejected: bool,
@@ -95,8 +95,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         let lists = [&mut state, &mut slope, &mut direction].into_iter().zip(known);
         let mut companions: Vec<_> = lists.filter_map(|(list, known)| known.then_some(list)).collect();
         let ids = rows::block(count, comm.rank(), comm.size()).collect();
-        let setting = super::setting(scene);
-        let mut dynamics = Dynamics::new(comm, law, setting, scale, ids, &mut places, &mut companions)?;
+        let parameters = super::parameters(scene);
+        let mut dynamics = Dynamics::new(comm, law, parameters, scale, ids, &mut places, &mut companions)?;
         dynamics.go_on_from(memory.counts.rebuilds, memory.counts.pairs);
         dynamics.commit(memory.extremes);
         if scene.output.energy {
@@ -119,13 +119,13 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             ..Simulation::at_rest(scene, comm, dynamics, norm, control, scale)
         };
         simulation.integrator.recall(&memory.integrator);
-        simulation.choose_reach();
-        simulation.anchor = Anchor {
+        simulation.choose_cutoff();
+        simulation.step_start = StepStart {
             t: memory.t,
             y: state,
             slope,
             slope_known: memory.slope_known,
-            losses: memory.losses,
+            dissipation: memory.dissipation,
             direction,
             direction_known: memory.direction_known,
         };
@@ -134,17 +134,17 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
 
     /// Keeps in mind what the trial depends on that is about to be made.
     pub(super) fn remember(&mut self) {
-        let (anchor, control, dynamics) = (&self.anchor, &self.control, &self.dynamics);
+        let (step_start, control, dynamics) = (&self.step_start, &self.control, &self.dynamics);
         self.memory = Some(Memory {
-            t: anchor.t,
+            t: step_start.t,
             frame: self.frame,
             counts: Counts { pairs: dynamics.own_pairs(), rebuilds: dynamics.rebuilds(), ..self.counts },
-            slope_known: anchor.slope_known,
-            direction_known: anchor.direction_known,
+            slope_known: step_start.slope_known,
+            direction_known: step_start.direction_known,
             h: self.h,
             limit: self.limit,
             last: self.last,
-            losses: anchor.losses,
+            dissipation: step_start.dissipation,
             dissipated: self.dissipated,
             forced_in_a_row: self.forced_in_a_row,
             error_before: control.before,

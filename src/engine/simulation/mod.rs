@@ -3,7 +3,7 @@
 use crate::domain::Comm;
 use crate::domain::rows::{self, ById};
 use crate::engine::dynamics::{Clocks, Dynamics};
-use crate::engine::forces::Setting;
+use crate::engine::forces::BodyParameters;
 use crate::error::{Error, StopRequest};
 use crate::math::larger;
 use crate::math::vector::Vec3;
@@ -12,12 +12,12 @@ use crate::model::effects::{Effects, Variant};
 use crate::model::particle::{Locked, Motion, Spin, Spinning};
 use crate::ode::integrator::{AutoPlan, Integrator};
 use crate::ode::{
-    Anchor, DORMAND_PRINCE, Ivp, Limit, Linear, Losses, MERSON, MethodName, Norm, NormName, StepControl,
-    StepRule, Trial, Verdict, Weights,
+    DORMAND_PRINCE, Dissipation, Ivp, Limit, Linear, MERSON, MethodName, Norm, NormName, StepControl,
+    StepRule, StepStart, TrialOutcome, TrialStep, Weights,
 };
 use crate::scene::initial_condition::{self, InitialCondition};
 use crate::scene::{Scene, Stop, effects};
-pub use cutoff::{neglected_force, reach};
+pub use cutoff::{cutoff, neglected_force};
 pub use frame_summary::FrameSummary;
 pub use memory::{Memory, Remembered, Snapshot};
 use serde::{Deserialize, Serialize};
@@ -76,7 +76,7 @@ pub struct Frame<'a, W> {
     /// Highest point of any sphere, m.
     pub bed_height: f64,
     /// Energy dissipated so far by rebound and by friction, J; zero unless `output.energy` asks for it.
-    pub dissipated: Losses,
+    pub dissipated: Dissipation,
     /// Time in the parts of the work on this rank so far.
     pub clocks: Clocks,
     /// Wall time in the frames before this one on this rank, s.
@@ -127,7 +127,7 @@ pub struct Outcome {
     /// The method that took the steps and, of `auto`, why.
     pub choice: String,
     /// Largest gap at which the stabilised method evaluates contacts, m.
-    pub reach: f64,
+    pub cutoff: f64,
     /// Memory of the solver on this rank, bytes.
     pub bytes: usize,
     /// Ghosts of this rank at the end.
@@ -170,11 +170,11 @@ pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     /// The scene's own, which `auto` may have tightened.
     tolerance: f64,
     /// Largest gap at which the stabilised method evaluates contacts, m.
-    reach: f64,
+    cutoff: f64,
     norm: Norm,
     /// The last accepted state of the owned particles and what belongs to it.
-    anchor: Anchor<Motion<W>>,
-    trial: Trial<Motion<W>>,
+    step_start: StepStart<Motion<W>>,
+    trial: TrialStep<Motion<W>>,
     /// Proposal for the next step, s, and what decided it.
     h: f64,
     limit: Limit,
@@ -182,7 +182,7 @@ pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     last: f64,
     counts: Counts,
     /// Energy dissipated up to the last accepted state, J.
-    dissipated: Losses,
+    dissipated: Dissipation,
     forced_in_a_row: u64,
     t_end: f64,
     interval: f64,
@@ -227,15 +227,15 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         law: Law<R, T>,
         comm: &'c dyn Comm,
     ) -> Result<Self, Error> {
-        Self::with_setting(scene, start, law, setting(scene), comm)
+        Self::with_parameters(scene, start, law, parameters(scene), comm)
     }
 
     /// `new` with a setting of one's own.
-    pub fn with_setting(
+    pub fn with_parameters(
         scene: &Scene,
         start: &InitialCondition,
         law: Law<R, T>,
-        setting: Setting,
+        parameters: BodyParameters,
         comm: &'c dyn Comm,
     ) -> Result<Self, Error> {
         let own = rows::block(start.x.len() as u64, comm.rank(), comm.size());
@@ -246,16 +246,16 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         };
         let mut y: Vec<Motion<W>> = own.clone().map(body).collect();
         let scale = initial_condition::velocity_scale(scene, start);
-        let mut dynamics = Dynamics::new(comm, law, setting, scale, own.collect(), &mut y, &mut [])?;
+        let mut dynamics = Dynamics::new(comm, law, parameters, scale, own.collect(), &mut y, &mut [])?;
         if scene.output.energy {
             dynamics.audit();
         }
-        let mut anchor = Anchor::new(0.0, y);
+        let mut step_start = StepStart::new(0.0, y);
         dynamics.begin();
-        let rhs = anchor.find_slope(&mut dynamics);
+        let rhs = step_start.find_slope(&mut dynamics);
         let (norm, control) = error_control(scene, scale);
         let mut simulation = Simulation {
-            anchor,
+            step_start,
             counts: Counts { rhs, ..Counts::default() },
             ..Simulation::at_rest(scene, comm, dynamics, norm, control, scale)
         };
@@ -285,10 +285,10 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             dynamics,
             integrator: Integrator::new(scene.solver.method, auto_plan(scene)),
             tolerance: control.tolerance / tightening(scene),
-            reach: reach(scene, scale),
+            cutoff: cutoff(scene, scale),
             norm,
-            anchor: Anchor::new(0.0, Vec::new()),
-            trial: Trial::default(),
+            step_start: StepStart::new(0.0, Vec::new()),
+            trial: TrialStep::default(),
             h: control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step)),
             limit: Limit::First,
             control,
@@ -323,22 +323,22 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     }
 
     /// From now on asks `outside`, on every rank once a trial step, what it wishes.
-    pub fn heed(&mut self, outside: &'c dyn Fn() -> StopRequest) {
-        self.dynamics.heed(outside);
+    pub fn listen_to(&mut self, interrupts: &'c dyn Fn() -> StopRequest) {
+        self.dynamics.listen_to(interrupts);
     }
 
     /// Last accepted state of the owned particles, by id.
     pub fn state(&self) -> &[Motion<W>] {
-        &self.anchor.y
+        &self.step_start.y
     }
 
     /// Runs to the end of the scene, or until the world outside stops it, and hands every frame to `observer`.
     /// Collective.
     pub fn run(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
         if self.frame == 0 {
-            let first = std::mem::take(&mut self.anchor.y);
+            let first = std::mem::take(&mut self.step_start.y);
             self.show(0.0, &first, [0.0; 2], observer)?;
-            self.anchor.y = first;
+            self.step_start.y = first;
             self.frame = 1;
         }
         'steps: loop {
@@ -346,18 +346,18 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             if self.save_if_asked(observer)? {
                 return Ok(self.outcome());
             }
-            let reached = self.anchor.t + step.h;
+            let reached = self.step_start.t + step.h;
             let extremes = self.dynamics.candidate();
             while self.frame_time(self.frame) < reached {
                 let due = self.frame_time(self.frame);
-                let share = (due - self.anchor.t) / step.h;
-                let Some((state, lost)) = self.frame_inside(share, step.h) else {
+                let share = (due - self.step_start.t) / step.h;
+                let Some((state, dissipated)) = self.frame_inside(share, step.h) else {
                     // Rare: the same step again, with fresh lists.
-                    self.dynamics.rebuild(&mut self.anchor)?;
+                    self.dynamics.rebuild(&mut self.step_start)?;
                     (self.h, self.limit) = (step.h, step.limit);
                     continue 'steps;
                 };
-                let dissipated = [0, 1].map(|k| self.dissipated[k] + lost[k]);
+                let dissipated = [0, 1].map(|k| self.dissipated[k] + dissipated[k]);
                 if due >= self.t_end {
                     self.count(Step { h: share * step.h, limit: Limit::End, ..step })?;
                 }
@@ -406,7 +406,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     /// G. Wanner, Solving ODEs I, II.4), at most the scene's `initial_step`. Collective.
     fn find_first_step(&mut self) {
         let weights = self.norm.weights;
-        let mut slope = [self.anchor.slope.iter().map(|f| f.magnitude(&weights)).fold(0.0, larger)];
+        let mut slope = [self.step_start.slope.iter().map(|f| f.magnitude(&weights)).fold(0.0, larger)];
         self.comm.max(&mut slope);
         // One hundredth of what the scales are: a radius, a velocity scale.
         let guess = 0.01 / slope[0];
@@ -418,9 +418,10 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     /// Tries steps from the last accepted state until one can stand; its result is in `trial`. Collective.
     fn find_step(&mut self) -> Result<Step, Error> {
         loop {
-            self.counts.rhs += self.integrator.prepare(&mut self.dynamics, &mut self.anchor, &mut self.trial);
-            if self.choose_reach() {
-                self.anchor.slope_known = false;
+            self.counts.rhs +=
+                self.integrator.prepare(&mut self.dynamics, &mut self.step_start, &mut self.trial);
+            if self.choose_cutoff() {
+                self.step_start.slope_known = false;
             }
             let (mut h, mut limit) = (self.h, self.limit);
             let stable = self.integrator.stable_step();
@@ -433,81 +434,81 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             cut(self.dynamics.step_limit(), Limit::Travel);
             let h = self.control.clamp(h);
             if self.dynamics.will_outrun(h) {
-                self.dynamics.rebuild(&mut self.anchor)?;
+                self.dynamics.rebuild(&mut self.step_start)?;
             }
             self.remember();
-            let verdict = self.attempt(h);
-            if !verdict.covered && !self.dynamics.lists_are_fresh() {
+            let outcome = self.attempt(h);
+            if !outcome.covered && !self.dynamics.lists_are_fresh() {
                 // Stale lists say nothing about the step: the same again with fresh ones.
                 self.counts.outrun += 1;
-                self.dynamics.rebuild(&mut self.anchor)?;
+                self.dynamics.rebuild(&mut self.step_start)?;
                 (self.h, self.limit) = (h, limit);
                 continue;
             }
-            if !verdict.within_travel || !verdict.covered {
+            if !outcome.within_travel || !outcome.covered {
                 self.counts.outrun += 1;
-                self.fail_if_impossible(h, verdict)?;
+                self.fail_if_impossible(h, outcome)?;
                 (self.h, self.limit) = (self.control.clamp(0.5 * h), Limit::Travel);
                 continue;
             }
-            let decision = self.control.judge(h, verdict.error, self.integrator.error_order());
+            let decision = self.control.judge(h, outcome.error, self.integrator.error_order());
             (self.h, self.limit) = (decision.next, decision.limit);
             if decision.accept {
-                if self.anchor.t + h == self.anchor.t {
+                if self.step_start.t + h == self.step_start.t {
                     return Err(self.no_step(h));
                 }
                 return Ok(Step { h, forced: decision.forced, limit });
             }
             self.counts.rejected += 1;
             self.integrator.rejected();
-            if verdict.error == f64::INFINITY {
-                self.fail_if_impossible(h, verdict)?;
+            if outcome.error == f64::INFINITY {
+                self.fail_if_impossible(h, outcome)?;
             }
         }
     }
 
     /// Evaluates contacts up to the gap that suits the method at work; returns whether that changes the slopes.
-    fn choose_reach(&mut self) -> bool {
+    fn choose_cutoff(&mut self) -> bool {
         let stabilised = self.integrator.is_stabilised();
-        self.dynamics.evaluate_within(if stabilised { self.reach } else { f64::INFINITY })
+        self.dynamics.evaluate_within(if stabilised { self.cutoff } else { f64::INFINITY })
     }
 
     /// One trial step from the last accepted state. Collective.
-    fn attempt(&mut self, h: f64) -> Verdict {
-        let verdict =
-            self.integrator.attempt(&mut self.dynamics, &mut self.anchor, h, &self.norm, &mut self.trial);
+    fn attempt(&mut self, h: f64) -> TrialOutcome {
+        let outcome =
+            self.integrator.attempt(&mut self.dynamics, &mut self.step_start, h, &self.norm, &mut self.trial);
         self.counts.rhs += self.trial.evaluations;
-        verdict
+        outcome
     }
 
     /// The state at a `share` of the accepted step `h` (s), and the energy lost on the way there, J: from inside the step
     /// if the method knows, else by a step of its own from the last accepted state. None if the lists are too old for
     /// that. Collective.
-    fn frame_inside(&mut self, share: f64, h: f64) -> Option<(Vec<Motion<W>>, Losses)> {
+    fn frame_inside(&mut self, share: f64, h: f64) -> Option<(Vec<Motion<W>>, Dissipation)> {
         if self.integrator.has_inside() {
-            let state = self.integrator.inside(share, h, &self.anchor, &self.trial)?;
-            let (start, end) = (self.anchor.losses, self.trial.losses);
-            let lost = [0, 1].map(|k| {
+            let state = self.integrator.inside(share, h, &self.step_start, &self.trial)?;
+            let (start, end) = (self.step_start.dissipation, self.trial.dissipation);
+            let dissipated = [0, 1].map(|k| {
                 let rest = 1.0 - share;
-                share * share * (1.0 + 2.0 * rest) * self.trial.lost[k]
+                share * share * (1.0 + 2.0 * rest) * self.trial.dissipated[k]
                     + h * share * rest * (rest * start[k] - share * end[k])
             });
-            return Some((state, lost));
+            return Some((state, dissipated));
         }
-        let step = (std::mem::take(&mut self.trial.next), self.trial.lost);
-        let verdict = self.attempt(share * h);
-        let (state, lost) = (std::mem::replace(&mut self.trial.next, step.0), self.trial.lost);
+        let step = (std::mem::take(&mut self.trial.next), self.trial.dissipated);
+        let outcome = self.attempt(share * h);
+        let (state, dissipated) = (std::mem::replace(&mut self.trial.next, step.0), self.trial.dissipated);
         // The slope at the end of the step was not put aside.
-        (self.trial.lost, self.trial.slope_known) = (step.1, false);
-        if !verdict.covered && !self.dynamics.lists_are_fresh() {
+        (self.trial.dissipated, self.trial.slope_known) = (step.1, false);
+        if !outcome.covered && !self.dynamics.lists_are_fresh() {
             return None;
         }
-        if verdict.covered && verdict.error < f64::INFINITY {
-            return Some((state, lost));
+        if outcome.covered && outcome.error < f64::INFINITY {
+            return Some((state, dissipated));
         }
         // The frame's stages meet something that those of the step did not, such as two centres that pass through each
         // other at this very moment: the parabola through the start, its slope and the result of the step is finite.
-        let ends = self.anchor.y.iter().zip(&self.anchor.slope).zip(&self.trial.next);
+        let ends = self.step_start.y.iter().zip(&self.step_start.slope).zip(&self.trial.next);
         let state = ends.map(|((y, slope), result)| {
             let mut bend = *result;
             bend.add_scaled(-1.0, y);
@@ -517,17 +518,18 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             state.add_scaled(share * share, &bend);
             state
         });
-        Some((state.collect(), self.trial.lost.map(|lost| share * lost)))
+        Some((state.collect(), self.trial.dissipated.map(|dissipated| share * dissipated)))
     }
 
     /// The trial stands and ends at time `t` (s); `limit` decided its size.
     fn accept(&mut self, t: f64, limit: Limit) {
-        let (anchor, trial) = (&mut self.anchor, &mut self.trial);
-        std::mem::swap(&mut anchor.y, &mut trial.next);
-        std::mem::swap(&mut anchor.slope, &mut trial.slope);
-        (anchor.t, anchor.slope_known, anchor.losses) = (t, trial.slope_known, trial.losses);
+        let (step_start, trial) = (&mut self.step_start, &mut self.trial);
+        std::mem::swap(&mut step_start.y, &mut trial.next);
+        std::mem::swap(&mut step_start.slope, &mut trial.slope);
+        (step_start.t, step_start.slope_known, step_start.dissipation) =
+            (t, trial.slope_known, trial.dissipation);
         self.moved_on = true;
-        crate::ode::add_losses(&mut self.dissipated, 1.0, &trial.lost);
+        crate::ode::add_dissipation(&mut self.dissipated, 1.0, &trial.dissipated);
         self.integrator.accepted(self.last, limit);
     }
 
@@ -547,7 +549,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
                 tolerance: self.tolerance,
                 forced: self.counts.forced,
                 accepted,
-                t: self.anchor.t,
+                t: self.step_start.t,
                 h,
                 min_step: self.control.min_step,
                 i: self.limiting_particle(h),
@@ -558,9 +560,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
 }
 
 /// What acts on the particles beside their contacts.
-fn setting(scene: &Scene) -> Setting {
+fn parameters(scene: &Scene) -> BodyParameters {
     let r = scene.particles.radius;
-    Setting {
+    BodyParameters {
         mass: scene.particles.mass,
         inverse_inertia: 1.0 / (0.4 * scene.particles.mass * r * r),
         gravity: scene.gravity.into(),

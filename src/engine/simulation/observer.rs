@@ -5,40 +5,40 @@ use crate::domain::rows::{self, ById};
 use crate::error::{Error, StopRequest};
 use crate::model::contact::{Rebound, Tangential};
 use crate::model::particle::{Motion, Spin};
-use crate::ode::Losses;
+use crate::ode::Dissipation;
 use std::time::Instant;
 
 impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
     /// Writes a checkpoint where one is due or wished for. Returns whether the run is to stop there. Collective.
     pub(super) fn save_if_asked(&mut self, observer: &mut dyn Observer<W>) -> Result<bool, Error> {
-        let wish = match self.dynamics.wish() {
+        let request = match self.dynamics.request() {
             // A process that stopped before its first step, part after part, would never come to an end.
             StopRequest::WallLimit | StopRequest::StopFile if !self.moved_on => StopRequest::Nothing,
-            wish => wish,
+            request => request,
         };
         let passed = |t: f64| (t / self.checkpoint_interval).floor();
-        if wish != StopRequest::Nothing || passed(self.anchor.t) > passed(self.saved) {
+        if request != StopRequest::Nothing || passed(self.step_start.t) > passed(self.saved) {
             self.save(observer)?;
         }
-        Ok(wish.stops())
+        Ok(request.stops())
     }
 
     /// Hands the run as it was before the last trial to `observer`. Collective.
     pub(super) fn save(&mut self, observer: &mut dyn Observer<W>) -> Result<(), Error> {
         let Some(mut memory) = self.memory else { return Ok(()) };
         let clock = Instant::now();
-        let (anchor, dynamics) = (&self.anchor, &self.dynamics);
+        let (step_start, dynamics) = (&self.step_start, &self.dynamics);
         memory.counts.pairs = dynamics.total_pairs(memory.counts.pairs);
         observer.checkpoint(&Snapshot {
             memory,
             count: dynamics.count(),
             ids: dynamics.ids(),
-            state: &anchor.y,
+            state: &step_start.y,
             origin: dynamics.origin(),
-            slope: if memory.slope_known { &anchor.slope } else { &[] },
-            direction: if memory.direction_known { &anchor.direction } else { &[] },
+            slope: if memory.slope_known { &step_start.slope } else { &[] },
+            direction: if memory.direction_known { &step_start.direction } else { &[] },
         })?;
-        self.saved = anchor.t;
+        self.saved = step_start.t;
         self.output_seconds += clock.elapsed().as_secs_f64();
         Ok(())
     }
@@ -46,7 +46,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
     /// Hands the result of the trial, at time `t` (s), to the observer. Collective.
     pub(super) fn show_result(&mut self, t: f64, observer: &mut dyn Observer<W>) -> Result<(), Error> {
         let state = std::mem::take(&mut self.trial.next);
-        let dissipated = [0, 1].map(|k| self.dissipated[k] + self.trial.lost[k]);
+        let dissipated = [0, 1].map(|k| self.dissipated[k] + self.trial.dissipated[k]);
         self.show(t, &state, dissipated, observer)?;
         self.trial.next = state;
         Ok(())
@@ -57,7 +57,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         &mut self,
         t: f64,
         state: &[Motion<W>],
-        dissipated: Losses,
+        dissipated: Dissipation,
         observer: &mut dyn Observer<W>,
     ) -> Result<(), Error> {
         let clock = Instant::now();
@@ -90,10 +90,10 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
     }
 
     pub(super) fn outcome(&self) -> Outcome {
-        let wish = self.dynamics.wish();
+        let request = self.dynamics.request();
         Outcome {
-            time: self.anchor.t,
-            stopped: wish.stops().then_some(wish),
+            time: self.step_start.t,
+            stopped: request.stops().then_some(request),
             at_rest_by: None,
             counts: Counts {
                 pairs: self.dynamics.pair_evaluations(),
@@ -106,8 +106,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
             seconds: self.started.elapsed().as_secs_f64(),
             largest_overlap: self.largest_overlap,
             choice: self.integrator.report(),
-            reach: self.reach,
-            bytes: self.dynamics.bytes() + self.anchor.bytes() + self.trial.bytes(),
+            cutoff: self.cutoff,
+            bytes: self.dynamics.bytes() + self.step_start.bytes() + self.trial.bytes(),
             ghosts: self.dynamics.ghosts(),
         }
     }

@@ -14,9 +14,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
     /// Refuses a tolerance that rounding alone exceeds. Collective.
     pub(super) fn check_rounding(&self, tightening: f64) -> Result<(), Error> {
         let size = |state: &Motion<W>| state.magnitude(&self.norm.weights);
-        let mut largest = [self.anchor.y.iter().map(size).fold(0.0, larger)];
+        let mut largest = [self.step_start.y.iter().map(size).fold(0.0, larger)];
         self.comm.max(&mut largest);
-        let i = self.dynamics.worst(|i| size(&self.anchor.y[i]));
+        let i = self.dynamics.worst(|i| size(&self.step_start.y[i]));
         check(&self.norm, self.control.tolerance, tightening, largest[0], i)
     }
 }

@@ -103,7 +103,7 @@ impl Task for Part<'_> {
     fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Film {
         let Part { scene, comm, path, resumes, stop } = self;
         let trials = Cell::new(0);
-        let outside = || {
+        let interrupts = || {
             trials.set(trials.get() + 1);
             if trials.get() >= stop { StopRequest::StopFile } else { StopRequest::Nothing }
         };
@@ -117,7 +117,7 @@ impl Task for Part<'_> {
         } else {
             Simulation::new(scene, &start, law, comm).unwrap()
         };
-        simulation.heed(&outside);
+        simulation.listen_to(&interrupts);
         let mut camera = Camera { film: Film::default(), comm, scene, scale, path };
         let outcome = simulation.run(&mut camera).unwrap();
         assert!(outcome.stopped.is_none() || stop < u64::MAX);

@@ -446,10 +446,10 @@ impl Ground<'_> {
         }
     }
 
-    fn group(&self, place: &Group, name: &str) -> Result<Group> {
+    fn group(&self, location: &Group, name: &str) -> Result<Group> {
         match self {
-            Ground::New(_) => place.create_group(name),
-            Ground::Found { .. } => place.group(name),
+            Ground::New(_) => location.create_group(name),
+            Ground::Found { .. } => location.group(name),
         }
     }
 
@@ -484,7 +484,7 @@ fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: boo
     }
     set_new_text(&run, "norm", info.norm.name())?;
     set_new(&run, "velocity_scale", info.velocity_scale)?;
-    set_new(&run, "contact_reach", info.contact_reach)?;
+    set_new(&run, "contact_reach", info.contact_cutoff)?;
     set_new(&run, "mass", info.mass)?;
     set_new(&run, "ranks", info.ranks as i64)?;
     set_new(&run, "threads", info.threads as i64)?;
@@ -540,15 +540,15 @@ fn rows_per_chunk(count: u64) -> u64 {
     }
 }
 
-fn set_new<T: H5Type>(place: &Location, name: &str, value: T) -> Result<()> {
-    place.new_attr::<T>().create(name)?.write_scalar(&value)
+fn set_new<T: H5Type>(location: &Location, name: &str, value: T) -> Result<()> {
+    location.new_attr::<T>().create(name)?.write_scalar(&value)
 }
 
-fn set_new_text(place: &Location, name: &str, text: &str) -> Result<()> {
+fn set_new_text(location: &Location, name: &str, text: &str) -> Result<()> {
     let value = VarLenUnicode::from_str(text).map_err(|why| format!("attribute {name}: {why}"))?;
-    set_new(place, name, value)
+    set_new(location, name, value)
 }
 
-fn set<T: H5Type>(place: &Location, name: &str, value: T) -> Result<()> {
-    place.attr(name)?.write_scalar(&value)
+fn set<T: H5Type>(location: &Location, name: &str, value: T) -> Result<()> {
+    location.attr(name)?.write_scalar(&value)
 }

@@ -8,7 +8,7 @@ mod collective;
 mod frames;
 #[cfg_attr(not(feature = "mpi"), path = "output/serial.rs")]
 mod mpio;
-mod place;
+mod path;
 mod reopen;
 #[cfg(test)]
 mod tests;
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 use crate::domain::comm::Comm;
 use crate::error::Error;
-use crate::ode::{Limit, Losses, MethodName, NormName};
+use crate::ode::{Dissipation, Limit, MethodName, NormName};
 use frames::Frames;
 
 pub use reopen::{Found, first_frame, frame, inspect, prepare};
@@ -44,7 +44,7 @@ pub struct RunInfo {
     /// Speed that errors of velocity are compared with in the scaled norm, m/s.
     pub velocity_scale: f64,
     /// Largest gap at which the stabilised method evaluates contacts, m.
-    pub contact_reach: f64,
+    pub contact_cutoff: f64,
     /// Whether `/run/series` has columns for the dissipated energy.
     pub energy: bool,
     /// Mass of one particle, kg.
@@ -87,7 +87,7 @@ pub struct Measures {
     /// Potential energy of all particles, J.
     pub potential_energy: f64,
     /// Energy dissipated so far by rebound and by friction, J; written where [`RunInfo::energy`] asks for it.
-    pub dissipated: Losses,
+    pub dissipated: Dissipation,
     /// Largest overlap of two bodies, m.
     pub largest_overlap: f64,
     /// Height of the bed, m.
@@ -156,18 +156,18 @@ impl<'a> Output<'a> {
     /// Whether about `estimated_bytes` can be written to `path`; without `force` nothing may be there yet. Rank 0
     /// looks, all ranks get its verdict: the absolute path, or what is wrong and what would be right. Creates nothing.
     /// Collective.
-    pub fn check_place(
+    pub fn check_path(
         comm: &dyn Comm,
         path: &Path,
         force: bool,
         estimated_bytes: u64,
     ) -> Result<PathBuf, Error> {
-        let mut verdict = Vec::new();
+        let mut outcome = Vec::new();
         if comm.rank() == 0 {
-            verdict = place::to_bytes(&place::look(path, force, estimated_bytes));
+            outcome = path::to_bytes(&path::look(path, force, estimated_bytes));
         }
-        comm.broadcast(&mut verdict);
-        place::from_bytes(&verdict).map_err(Error::Input)
+        comm.broadcast(&mut outcome);
+        path::from_bytes(&outcome).map_err(Error::Input)
     }
 
     /// Creates the file, replacing one that exists, with everything a reader needs to find no frames yet. `path` is
@@ -204,7 +204,7 @@ impl<'a> Output<'a> {
     }
 
     fn with(comm: &'a dyn Comm, path: &Path, frames: Frames) -> Self {
-        let identity = (comm.rank() == 0).then(|| place::identity(path)).flatten();
+        let identity = (comm.rank() == 0).then(|| path::identity(path)).flatten();
         let path = path.to_path_buf();
         Output { comm, path, frames: Some(frames), transfer: "none yet".to_string(), identity }
     }
@@ -212,16 +212,16 @@ impl<'a> Output<'a> {
     /// Fails where the file is not in its place any more, without a word to HDF5: the file could still be closed, and
     /// nothing of it is lost but its name. Collective.
     fn check_identity(&self) -> Result<(), Error> {
-        let mut verdict = Vec::new();
+        let mut outcome = Vec::new();
         if self.comm.rank() == 0 {
-            verdict.push(match place::identity(&self.path) {
+            outcome.push(match path::identity(&self.path) {
                 found if found == self.identity => 0,
                 None => 1,
                 Some(_) => 2,
             });
         }
-        self.comm.broadcast(&mut verdict);
-        let what = match verdict.first() {
+        self.comm.broadcast(&mut outcome);
+        let what = match outcome.first() {
             Some(1) => "removed",
             Some(2) => "replaced by another file",
             _ => return Ok(()),
@@ -320,7 +320,7 @@ impl RunInfo {
             step: self.step,
             norm: self.norm,
             velocity_scale: self.velocity_scale,
-            contact_reach: self.contact_reach,
+            contact_cutoff: self.contact_cutoff,
             energy: self.energy,
             mass: self.mass,
             ranks: count(self.ranks),
@@ -364,7 +364,7 @@ fn failure(path: &Path, why: &hdf5::Error) -> Error {
     // HDF5 breaks its lines; a message of ours is one line.
     let mut why = why.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
     if let Some(folder) = path.parent()
-        && let Some(free) = place::free_bytes(folder)
+        && let Some(free) = path::free_bytes(folder)
         && free < 1 << 20
     {
         why = format!("{why} ({free} bytes are free in {})", folder.display());

@@ -140,9 +140,9 @@ fn text(attribute: &Attribute) -> Result<String, String> {
 /// a length that is known at run time only.)
 fn long_text(path: &Path, text: &Dataset) -> Result<String, String> {
     let bytes = text.dtype().map_err(say)?.size();
-    let place = text.offset().ok_or("its scene is not where it should be")?;
+    let offset = text.offset().ok_or("its scene is not where it should be")?;
     let mut all = vec![0; bytes.min(LONGEST_TEXT)];
-    let read = std::fs::File::open(path).and_then(|file| file.read_exact_at(&mut all, place));
+    let read = std::fs::File::open(path).and_then(|file| file.read_exact_at(&mut all, offset));
     read.map_err(|why| why.to_string())?;
     String::from_utf8(all).map_err(|_| "its scene is not UTF-8 text".into())
 }

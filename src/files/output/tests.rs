@@ -24,7 +24,7 @@ fn info(scene: &str) -> RunInfo {
         step: None,
         norm: NormName::Paper,
         velocity_scale: 0.75,
-        contact_reach: 0.0462,
+        contact_cutoff: 0.0462,
         energy: false,
         mass: 1.5,
         ranks: 1,
@@ -81,7 +81,7 @@ fn append(output: &mut Output, k: u64, rotation: bool) {
 
 /// A finished file of `frames` frames; the folder must live as long as the file is read.
 fn written(frames: u64, rotation: bool, scene: &str) -> (TempDir, File) {
-    let (folder, path) = place();
+    let (folder, path) = path();
     let mut output = create(&path, rotation, scene);
     for k in 0..frames {
         append(&mut output, k, rotation);
@@ -96,7 +96,7 @@ const CHOICE: &str = "merson, for its ω";
 
 /// A finished file of `frames` frames with what `change` makes of its description.
 fn described(frames: u64, change: impl FnOnce(&mut RunInfo)) -> (TempDir, File) {
-    let (folder, path) = place();
+    let (folder, path) = path();
     let mut info = info("");
     change(&mut info);
     let mut output = Output::create(&Solo, &path, &info, COUNT, RADIUS, false, 0..COUNT).unwrap();
@@ -105,7 +105,7 @@ fn described(frames: u64, change: impl FnOnce(&mut RunInfo)) -> (TempDir, File) 
     (folder, File::open(path).unwrap())
 }
 
-fn place() -> (TempDir, PathBuf) {
+fn path() -> (TempDir, PathBuf) {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("run.vtkhdf");
     (folder, path)
@@ -157,7 +157,7 @@ fn run_text(file: &File, name: &str) -> String {
 }
 
 fn refusal(path: &Path, force: bool, bytes: u64) -> String {
-    match Output::check_place(&Solo, path, force, bytes) {
+    match Output::check_path(&Solo, path, force, bytes) {
         Err(Error::Input(text)) => text,
         other => panic!("{other:?}"),
     }
@@ -281,7 +281,7 @@ fn run_counts_the_steps_that_every_limit_decided() {
 #[test]
 fn seconds_of_a_killed_run_are_those_of_its_last_frame() {
     let names = ["forces", "ghosts", "lists", "reduction", "output"].map(|part| format!("seconds_{part}"));
-    let (_folder, path) = place();
+    let (_folder, path) = path();
     let mut output = create(&path, false, "");
     append(&mut output, 0, false);
     append(&mut output, 1, false);
@@ -296,7 +296,7 @@ fn seconds_of_a_killed_run_are_those_of_its_last_frame() {
 #[test]
 fn a_run_goes_on_in_a_file_that_does_not_know_of_its_last_chunks() {
     // Their first frame was killed after the trees were on the disk and before the end of the file was.
-    let (_folder, path) = place();
+    let (_folder, path) = path();
     let mut output = create(&path, false, "");
     let end = 40..48; // of the superblock: where the file ends
     let mut old = Vec::new();
@@ -334,7 +334,7 @@ fn a_fixed_step_is_an_attribute_only_of_a_method_that_has_one() {
 
 #[test]
 fn the_choice_of_the_method_is_told_when_the_run_is_completed() {
-    let (_folder, path) = place();
+    let (_folder, path) = path();
     let mut output = create(&path, false, "");
     append(&mut output, 0, false);
     drop(output);
@@ -345,7 +345,7 @@ fn the_choice_of_the_method_is_told_when_the_run_is_completed() {
 
 #[test]
 fn run_attributes_follow_the_last_frame_until_the_run_is_completed() {
-    let (_folder, path) = place();
+    let (_folder, path) = path();
     let mut output = create(&path, true, "");
     append(&mut output, 0, true);
     append(&mut output, 1, true);
@@ -409,7 +409,7 @@ fn file_without_frames_is_ready_for_a_reader() {
 
 #[test]
 fn after_a_failed_write_the_file_is_not_touched_any_more() {
-    let (_folder, path) = place();
+    let (_folder, path) = path();
     let mut output = create(&path, false, "");
     append(&mut output, 0, false);
     let why = output.guarded(|_| Err::<(), _>("the disk\n is gone".into())).unwrap_err();
@@ -423,27 +423,27 @@ fn after_a_failed_write_the_file_is_not_touched_any_more() {
 
 #[test]
 fn good_place_is_answered_with_its_absolute_path_and_nothing_is_created() {
-    let (_folder, path) = place();
-    assert_eq!(Output::check_place(&Solo, &path, false, 1000).unwrap(), path);
+    let (_folder, path) = path();
+    assert_eq!(Output::check_path(&Solo, &path, false, 1000).unwrap(), path);
     assert!(!path.exists());
-    let relative = Output::check_place(&Solo, Path::new("unlikely-to-exist.vtkhdf"), false, 0).unwrap();
+    let relative = Output::check_path(&Solo, Path::new("unlikely-to-exist.vtkhdf"), false, 0).unwrap();
     assert_eq!(relative, std::env::current_dir().unwrap().join("unlikely-to-exist.vtkhdf"));
 }
 
 #[test]
 fn existing_file_is_replaced_only_by_force() {
-    let (_folder, path) = place();
+    let (_folder, path) = path();
     std::fs::write(&path, "precious").unwrap();
     let text = refusal(&path, false, 0);
     assert!(text.starts_with(&format!("output.file = \"{}\"", path.display())), "{text}");
     assert!(text.contains("the file exists") && text.contains("--force"), "{text}");
-    assert_eq!(Output::check_place(&Solo, &path, true, 0).unwrap(), path);
+    assert_eq!(Output::check_path(&Solo, &path, true, 0).unwrap(), path);
     assert_eq!(std::fs::read(&path).unwrap(), b"precious");
 }
 
 #[test]
 fn place_that_cannot_work_is_refused_with_what_would_be_right() {
-    let (folder, path) = place();
+    let (folder, path) = path();
     assert!(refusal(folder.path(), true, 0).contains("is a folder; name a file in it"));
     assert!(refusal(Path::new("results/"), true, 0).contains("names a folder"));
     assert!(refusal(Path::new(""), true, 0).contains("give the name of a file"));

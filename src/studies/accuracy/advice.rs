@@ -71,7 +71,7 @@ fn sentence(runs: &[Record], measure: &str, target: f64, what: impl Fn(f64) -> S
     let first = format!(
         "For {} take {}: {} right-hand sides, error {}",
         what(target),
-        setting(take),
+        parameters(take),
         grouped(rhs),
         scientific(error, 1)
     );
@@ -80,7 +80,7 @@ fn sentence(runs: &[Record], measure: &str, target: f64, what: impl Fn(f64) -> S
         Some((_, same)) if same.solver == take.solver => "that is ten times more accurate already".to_owned(),
         Some((_, better)) => {
             let times = better.work.rhs_evaluations as f64 / rhs as f64;
-            format!("ten times more accuracy costs {times:.1} times as much ({})", setting(better))
+            format!("ten times more accuracy costs {times:.1} times as much ({})", parameters(better))
         }
     };
     let by_luck =
@@ -88,7 +88,7 @@ fn sentence(runs: &[Record], measure: &str, target: f64, what: impl Fn(f64) -> S
             let rhs = grouped(lucky.work.rhs_evaluations);
             format!(
                 " A fixed {} would do with {rhs}, but which step is right is known afterwards only.",
-                setting(lucky)
+                parameters(lucky)
             )
         });
     Some(format!("{first}; {more}.{}", by_luck.unwrap_or_default()))
@@ -102,7 +102,7 @@ fn cheapest<'a>(runs: &[(f64, &'a Record)], target: f64) -> Option<(f64, &'a Rec
 }
 
 /// Method and tolerance in the words of a scene.
-fn setting(record: &Record) -> String {
+fn parameters(record: &Record) -> String {
     let solver = &record.solver;
     match (solver.tolerance, solver.step) {
         (Some(tolerance), _) => format!("{} at tolerance {tolerance:e}", solver.method),

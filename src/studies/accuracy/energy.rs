@@ -82,8 +82,8 @@ fn energies(frame: &FrameData) -> [f64; WIDTH] {
 /// energy; NaN where nothing moves.
 fn deviation(numbers: &[f64], balance: bool) -> f64 {
     let total = |frame: &[f64]| {
-        let lost = if balance { frame[3] + frame[4] } else { 0.0 };
-        frame[1] + frame[2] + lost
+        let dissipated = if balance { frame[3] + frame[4] } else { 0.0 };
+        frame[1] + frame[2] + dissipated
     };
     let frames = || numbers.chunks_exact(WIDTH);
     let first = frames().next().map_or(f64::NAN, total);

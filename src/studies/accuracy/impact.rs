@@ -103,14 +103,14 @@ impl Setup {
 
     /// Without gravity from one l_max beyond the reach of the floor, and as far again after the exact time of the contact.
     fn throw(&self, mut scene: Scene) -> Sample {
-        let reach = self.law.l_max;
+        let cutoff = self.law.l_max;
         scene.gravity = [0.0; 3];
         let out = self.restitution * self.speed;
-        scene.t_end = reach / self.speed + self.contact_time + reach / out;
-        let (mut sample, gap, v) = self.end(scene, 2.0 * reach, -self.speed);
+        scene.t_end = cutoff / self.speed + self.contact_time + cutoff / out;
+        let (mut sample, gap, v) = self.end(scene, 2.0 * cutoff, -self.speed);
         if sample.failure.is_none() {
-            let t_end = reach / self.speed + self.contact_time + reach / out;
-            let contact = t_end - (gap - reach) / v - reach / self.speed;
+            let t_end = cutoff / self.speed + self.contact_time + cutoff / out;
+            let contact = t_end - (gap - cutoff) / v - cutoff / self.speed;
             sample.numbers = vec![v / self.speed, contact];
         }
         sample

@@ -87,9 +87,9 @@ impl Judge {
         size: usize,
         work: impl FnOnce() -> Result<Option<(Scene, InitialCondition)>, Error>,
     ) -> Result<Tally, String> {
-        let mut verdict = Ok(Tally::default());
+        let mut outcome = Ok(Tally::default());
         let memory = allocation_counter::measure(|| {
-            verdict = match work() {
+            outcome = match work() {
                 Err(Error::Input(message)) => {
                     let refused = Tally { cases: 1, refused: 1, ..Tally::default() };
                     well_formed(&message).map(|()| refused)
@@ -103,7 +103,7 @@ impl Judge {
         if memory.bytes_max > room {
             return Err(format!("{} bytes were held at a time, more than {room}", memory.bytes_max));
         }
-        verdict
+        outcome
     }
 
     /// What the program does before the first step; no start where a grid is too large for a quick look.

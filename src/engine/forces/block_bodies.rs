@@ -12,14 +12,14 @@ use crate::model::particle::{Motion, Spin};
 use crate::model::wall::Wall;
 
 /// Where a body is to be seen: the window, and the place in it. Ghosts have the window after the last.
-pub type Seen = [u32; 2];
+pub type OutboxSlot = [u32; 2];
 
 /// Largest squared distances of own bodies from where the lists were built and from where the step began, and of all from where near
 /// pairs were picked, m^2.
-pub type Ways = [f64; 3];
+pub type Distances = [f64; 3];
 
 /// The larger of each.
-pub fn furthest(a: Ways, b: Ways) -> Ways {
+pub fn furthest(a: Distances, b: Distances) -> Distances {
     std::array::from_fn(|k| larger(a[k], b[k]))
 }
 
@@ -47,7 +47,7 @@ impl Offset {
     /// The bodies have the given `starts`, and the largest squared distance `way` (m^2) from those.
     pub fn furthest<W: Spin>(
         &mut self,
-        places: &[Vec3],
+        marks: &[Vec3],
         (bodies, starts): (&[Motion<W>], &[Motion<W>]),
         way: f64,
         limit: f64,
@@ -58,9 +58,9 @@ impl Offset {
             return 0.0;
         }
         let mut far = 0.0;
-        for ((place, body), start) in places.iter().zip(bodies).zip(starts) {
-            far = larger(far, distance_squared(&body.x, place));
-            self.measured = larger(self.measured, distance_squared(&start.x, place));
+        for ((mark, body), start) in marks.iter().zip(bodies).zip(starts) {
+            far = larger(far, distance_squared(&body.x, mark));
+            self.measured = larger(self.measured, distance_squared(&start.x, mark));
         }
         far
     }
@@ -75,7 +75,7 @@ impl Offset {
 }
 
 /// Bodies of a block, and what its thread needs besides.
-pub struct Site<W> {
+pub struct BlockBodies<W> {
     /// By place: in the evaluation at hand, as far as they are in place.
     pub bodies: Vec<Motion<W>>,
     /// Where they were when the near pairs were picked, m.
@@ -85,22 +85,22 @@ pub struct Site<W> {
     /// The same from where the lists were built.
     pub from_origin: Offset,
     /// Where the visitors are to be seen.
-    pub seen: Vec<Seen>,
+    pub ghost_sources: Vec<OutboxSlot>,
     /// How far bodies have moved in the right-hand side at hand.
-    pub ways: Ways,
+    pub distances: Distances,
     /// Scratch.
     pub batch: Batch,
 }
 
-impl<W> Default for Site<W> {
+impl<W> Default for BlockBodies<W> {
     fn default() -> Self {
-        Site {
+        BlockBodies {
             bodies: Vec::new(),
             picked: Vec::new(),
             from_picked: Offset::UNKNOWN,
             from_origin: Offset::UNKNOWN,
-            seen: Vec::new(),
-            ways: [0.0; 3],
+            ghost_sources: Vec::new(),
+            distances: [0.0; 3],
             batch: Batch::default(),
         }
     }
@@ -111,15 +111,15 @@ pub fn allowed(r: f64) -> f64 {
     (0.5 * INNER_SKIN * r).powi(2)
 }
 
-impl<W: Spin> Site<W> {
+impl<W: Spin> BlockBodies<W> {
     /// Takes the bodies of a block out of all `bodies` of the rank, by local index.
-    pub fn seat(&mut self, block: &Block, bodies: &[Motion<W>]) {
-        let visitors = block.visitors.iter().map(|&i| bodies[i as usize]);
-        let count = block.range.len() + block.visitors.len();
+    pub fn load(&mut self, block: &Block, bodies: &[Motion<W>]) {
+        let ghosts = block.ghosts.iter().map(|&i| bodies[i as usize]);
+        let count = block.range.len() + block.ghosts.len();
         clear_for(&mut self.bodies, count);
         clear_for(&mut self.picked, count);
         self.bodies.extend_from_slice(&bodies[block.range.clone()]);
-        self.bodies.extend(visitors);
+        self.bodies.extend(ghosts);
     }
 
     /// A step begins, from other bodies than before.
@@ -128,44 +128,46 @@ impl<W: Spin> Site<W> {
     }
 
     /// All own bodies have come to their stage. Returns how far they have moved.
-    pub fn end_stage(&mut self) -> Ways {
+    pub fn end_stage(&mut self) -> Distances {
         self.from_picked.end_stage();
         self.from_origin.end_stage();
-        std::mem::take(&mut self.ways)
+        std::mem::take(&mut self.distances)
     }
 
     /// Shows in the `window` what others see of the block.
-    pub fn show(&self, block: &Block, window: &mut [Motion<W>]) {
-        for (shown, &place) in window.iter_mut().zip(&block.seen) {
-            *shown = self.bodies[place as usize];
+    pub fn export(&self, block: &Block, outbox: &mut [Motion<W>]) {
+        for (shown, &slot) in outbox.iter_mut().zip(&block.exported) {
+            *shown = self.bodies[slot as usize];
         }
     }
 
     /// Brings the visitors into place.
-    pub fn look(&mut self, block: &Block, windows: &[Vec<Motion<W>>], ghosts: &[Motion<W>]) {
+    pub fn import_ghosts(&mut self, block: &Block, outboxes: &[Vec<Motion<W>>], ghosts: &[Motion<W>]) {
         let first = block.range.len();
         let picked = &self.picked[first..];
-        for ((visitor, &[window, k]), picked) in self.bodies[first..].iter_mut().zip(&self.seen).zip(picked) {
-            *visitor = windows.get(window as usize).map_or(ghosts, Vec::as_slice)[k as usize];
-            self.ways[2] = larger(self.ways[2], (visitor.x - picked).norm_squared());
+        for ((ghost, &[outbox, k]), picked) in
+            self.bodies[first..].iter_mut().zip(&self.ghost_sources).zip(picked)
+        {
+            *ghost = outboxes.get(outbox as usize).map_or(ghosts, Vec::as_slice)[k as usize];
+            self.distances[2] = larger(self.distances[2], (ghost.x - picked).norm_squared());
         }
     }
 
     /// Picks near pairs and walls of the bodies in place.
     pub fn pick_near<R, T>(&mut self, block: &mut Block, law: &Law<R, T>, walls: &[Wall]) {
         let skin = INNER_SKIN * law.r;
-        let (reach, wall_reach) = (2.0 * law.r + law.l_max + skin, law.r + law.l_max + 0.5 * skin);
+        let (cutoff, wall_cutoff) = (2.0 * law.r + law.l_max + skin, law.r + law.l_max + 0.5 * skin);
         self.picked.clear();
         self.picked.extend(self.bodies.iter().map(|body| body.x));
-        block.pick_near(&self.bodies, reach, (walls, wall_reach));
-        (self.ways[2], self.from_picked) = (0.0, Offset::UNKNOWN);
+        block.pick_near(&self.bodies, cutoff, (walls, wall_cutoff));
+        (self.distances[2], self.from_picked) = (0.0, Offset::UNKNOWN);
     }
 
     /// Picks them afresh if a body in place has strayed too far from where they were picked.
-    pub fn follow<R, T>(&mut self, block: &mut Block, law: &Law<R, T>, walls: &[Wall]) {
-        let ways =
+    pub fn repick_if_strayed<R, T>(&mut self, block: &mut Block, law: &Law<R, T>, walls: &[Wall]) {
+        let distances =
             self.bodies.iter().zip(&self.picked).map(|(body, picked)| (body.x - picked).norm_squared());
-        if ways.fold(0.0, larger) > allowed(law.r) {
+        if distances.fold(0.0, larger) > allowed(law.r) {
             self.pick_near(block, law, walls);
         }
     }
@@ -174,7 +176,7 @@ impl<W: Spin> Site<W> {
     pub fn bytes(&self) -> usize {
         self.bodies.capacity() * size_of::<Motion<W>>()
             + self.picked.capacity() * size_of::<Vec3>()
-            + self.seen.capacity() * size_of::<Seen>()
+            + self.ghost_sources.capacity() * size_of::<OutboxSlot>()
             + size_of::<Batch>()
     }
 }
@@ -199,17 +201,17 @@ mod tests {
 
         #[test]
         fn whoever_is_too_far_is_found_in_any_stage(
-            places in proptest::collection::vec(proptest::array::uniform3(-1.0..1.0f64), 1..20),
+            marks in proptest::collection::vec(proptest::array::uniform3(-1.0..1.0f64), 1..20),
             stages in proptest::collection::vec(proptest::array::uniform3(-0.3..0.3f64), 1..5),
             moved in proptest::array::uniform3(-0.3..0.3f64),
         ) {
             let limit = 0.1;
             let body = |x: Vec3| Motion { x, v: Vec3::zeros(), omega: Locked };
-            let places: Vec<Vec3> = places.into_iter().map(Vec3::from).collect();
+            let marks: Vec<Vec3> = marks.into_iter().map(Vec3::from).collect();
             // Where the step began they were not where they were noted, and none is moved like the others.
             let moved_by = |k: usize, way: [f64; 3]| Vec3::from(way) / (k + 1) as f64;
             let all = |way: &dyn Fn(usize) -> Vec3| -> Vec<_> {
-                places.iter().enumerate().map(|(k, place)| body(place + way(k))).collect()
+                marks.iter().enumerate().map(|(k, mark)| body(mark + way(k))).collect()
             };
             let starts = all(&|k| moved_by(k, moved));
             let mut offset = Offset::UNKNOWN;
@@ -219,20 +221,20 @@ mod tests {
                     bodies.iter().zip(from).map(|(body, from)| distance_squared(&body.x, from)).fold(0.0, larger)
                 };
                 let way = furthest(&starts.iter().map(|start| start.x).collect::<Vec<_>>());
-                let (found, exact) = (offset.furthest(&places, (&bodies, &starts), way, limit), furthest(&places));
+                let (found, exact) = (offset.furthest(&marks, (&bodies, &starts), way, limit), furthest(&marks));
                 prop_assert!(found == exact || found == 0.0 && exact <= limit);
                 offset.end_stage();
             }
-            let far = places.iter().zip(&starts).map(|(place, start)| distance_squared(&start.x, place));
+            let far = marks.iter().zip(&starts).map(|(mark, start)| distance_squared(&start.x, mark));
             prop_assert_eq!(offset.known, far.fold(0.0, larger).sqrt());
         }
 
         #[test]
         fn a_body_that_is_nowhere_is_too_far(known in 0.0..1.0f64) {
             let nowhere = Motion { x: Vec3::repeat(f64::NAN), v: Vec3::zeros(), omega: Locked };
-            let place = [Vec3::zeros()];
+            let mark = [Vec3::zeros()];
             for mut offset in [Offset { known, measured: 0.0 }, Offset::UNKNOWN] {
-                let found = offset.furthest(&place, (&[nowhere], &[nowhere]), f64::INFINITY, 0.1);
+                let found = offset.furthest(&mark, (&[nowhere], &[nowhere]), f64::INFINITY, 0.1);
                 prop_assert_eq!(found, f64::INFINITY);
             }
         }

@@ -99,8 +99,8 @@ fn ends_in_separator(path: &Path) -> bool {
 }
 
 /// A verdict as bytes, for the way from rank 0 to the others: a mark, then the path or the complaint.
-pub fn to_bytes(verdict: &Result<PathBuf, String>) -> Vec<u8> {
-    match verdict {
+pub fn to_bytes(outcome: &Result<PathBuf, String>) -> Vec<u8> {
+    match outcome {
         Ok(path) => [b"+", path.as_os_str().as_bytes()].concat(),
         Err(complaint) => [b"-", complaint.as_bytes()].concat(),
     }
