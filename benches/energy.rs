@@ -1,4 +1,5 @@
-//! What energies cost: the potential energy of a frame, and a right-hand side with and without what contacts dissipate.
+//! What energies cost: the potential energy of a frame, and a right-hand side with and without what contacts
+//! dissipate.
 
 use common::Job;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};

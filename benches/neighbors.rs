@@ -1,4 +1,5 @@
-//! Lists: time to rebuild them, for growing beds of one density. Divide by the number of particles to compare.
+//! Lists: time to rebuild them, for growing beds of one density. Divide by the number of particles to
+//! compare.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use demhybrid::engine::neighbors::{Lists, Order};

@@ -1,5 +1,5 @@
-//! One frame of a million particles with spin, from states in memory to the disk, and a plain write of as many bytes. On one
-//! rank, through the serial driver. A frame should take at most twice as long.
+//! One frame of a million particles with spin, from states in memory to the disk, and a plain write of as
+//! many bytes. On one rank, through the serial driver. A frame should take at most twice as long.
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use demhybrid::domain::Solo;

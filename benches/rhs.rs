@@ -1,5 +1,5 @@
-//! One right-hand side of a packed bed, for the three variants and growing numbers of particles of one density.
-//! Criterion's throughput is particles per second: the same for all sizes when the cost is linear.
+//! One right-hand side of a packed bed, for the three variants and growing numbers of particles of one
+//! density. Criterion's throughput is particles per second: the same for all sizes when the cost is linear.
 
 use common::Job;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};

@@ -1,5 +1,5 @@
-//! One trial step of Merson's method in a packed bed: five right-hand sides, stages, error and agreement, for the three
-//! variants.
+//! One trial step of Merson's method in a packed bed: five right-hand sides, stages, error and agreement, for
+//! the three variants.
 
 use common::Job;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Licences, sources and versions of all dependencies, by the rules of deny.toml; and known vulnerabilities where the
-# advisory database can be reached. Installs cargo-deny with cargo where it is missing, about three minutes of one core.
+# Licences, sources and versions of all dependencies, by the rules of deny.toml; and known vulnerabilities
+# where the advisory database can be reached. Installs cargo-deny with cargo where it is missing, about three
+# minutes of one core.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

@@ -9,8 +9,8 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="${OMPI_ALLOW_RUN_AS_ROOT_CONFIRM:-1}"
 export OMPI_MCA_rmaps_base_oversubscribe="${OMPI_MCA_rmaps_base_oversubscribe:-1}"
 # By default Open MPI binds every rank to one core, which would leave the threads of a rank to share it.
 export OMPI_MCA_hwloc_base_binding_policy="${OMPI_MCA_hwloc_base_binding_policy:-none}"
-# Ranks that wait let others run. Spinning is a little faster on cores of one's own, and several times slower on shared
-# ones, or where threads of the ranks want them.
+# Ranks that wait let others run. Spinning is a little faster on cores of one's own, and several times slower
+# on shared ones, or where threads of the ranks want them.
 export OMPI_MCA_mpi_yield_when_idle="${OMPI_MCA_mpi_yield_when_idle:-1}"
 
 # Where cargo installs programs.

@@ -6,10 +6,10 @@ announced=no
 # Arguments of every part.
 every_part=()
 
-# run_part OUTPUT SCENE [ARGUMENT...]: runs SCENE to OUTPUT, or, where OUTPUT is there already, goes on with it, under
-# `$LAUNCHER` (such as mpirun -n 4). The arguments in the array `every_part` (such as --set limits.wall=...) go to every part, the
-# others to the first one, which records them. SIGUSR1 to this shell makes the run save itself and stop. Returns the exit code of
-# the program: 0 done, 5 saved and stopped.
+# run_part OUTPUT SCENE [ARGUMENT...]: runs SCENE to OUTPUT, or, where OUTPUT is there already, goes on with
+# it, under `$LAUNCHER` (such as mpirun -n 4). The arguments in the array `every_part` (such as --set
+# limits.wall=...) go to every part, the others to the first one, which records them. SIGUSR1 to this shell
+# makes the run save itself and stop. Returns the exit code of the program: 0 done, 5 saved and stopped.
 run_part() {
     local output="$1" scene="$2" part='' code=0
     shift 2

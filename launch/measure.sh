@@ -63,7 +63,8 @@ load() {
     cut -d ' ' -f 1-3 /proc/loadavg 2>/dev/null || echo unknown
 }
 
-# Sets `base` (particles of one tile), `size` (side of its box, m), `columns` and `copies` (tiles along x and y).
+# Sets `base` (particles of one tile), `size` (side of its box, m), `columns` and `copies` (tiles along x and
+# y).
 shape() {
     local tiles
     copies=(1 1)
@@ -114,10 +115,10 @@ prepare() {
     }
 }
 
-# A settled bed of N particles at $beds/bedN.csv: settled N. Sets `csv`, `lx`, `ly`.
-# 200, 2 000 and 20 000 spheres fall for 1.5 s at a loose tolerance, which is nearly the end of their motion, and come to
-# rest for another second at a tolerance of 1. More are mirrored copies of 20 000 side by side (see `tile` in bed.py), which
-# have 0.1 s to come to rest at the seams.
+# A settled bed of N particles at $beds/bedN.csv: settled N. Sets `csv`, `lx`, `ly`. 200, 2 000 and 20 000
+# spheres fall for 1.5 s at a loose tolerance, which is nearly the end of their motion, and come to rest for
+# another second at a tolerance of 1. More are mirrored copies of 20 000 side by side (see `tile` in bed.py),
+# which have 0.1 s to come to rest at the seams.
 settled() {
     shape "$1"
     box
@@ -137,7 +138,8 @@ settled() {
     fi
 }
 
-# A settled bed of R tiles of N particles along x, N being 200, 2000 or 20000: wide N R. Sets `csv`, `lx`, `ly`.
+# A settled bed of R tiles of N particles along x, N being 200, 2000 or 20000: wide N R. Sets `csv`, `lx`,
+# `ly`.
 wide() {
     shape "$1"
     copies=("$2" 1)
@@ -171,8 +173,8 @@ rest() {
     rm "$beds/rest$1".vtkhdf*
 }
 
-# Simulated time for a settled bed of N particles that gives a measurement of a few seconds to a minute on one core:
-# about 1 500 right-hand sides, most of them in the first 0.05 s, and fewer for the largest beds.
+# Simulated time for a settled bed of N particles that gives a measurement of a few seconds to a minute on one
+# core: about 1 500 right-hand sides, most of them in the first 0.05 s, and fewer for the largest beds.
 resting_time() {
     case "$1" in
     200) echo 20 ;;
@@ -188,7 +190,8 @@ processor() {
 
 # --- ranks x threads ---
 
-# Cores of this job: SLURM_NTASKS ranks of SLURM_CPUS_PER_TASK cores under Slurm, or all cores of this machine in any way.
+# Cores of this job: SLURM_NTASKS ranks of SLURM_CPUS_PER_TASK cores under Slurm, or all cores of this machine
+# in any way.
 if [ -n "${SLURM_JOB_ID:-}" ]; then
     most_ranks="${SLURM_NTASKS:-1}" most_threads="${SLURM_CPUS_PER_TASK:-1}"
     cores=$((most_ranks * most_threads))
@@ -283,7 +286,8 @@ race_combinations() {
     load_after="$(load)"
 }
 
-# Stops unless all runs of a case, or of one number of ranks in it, gave the same bits: one_digest NAME CASE [RANKS]
+# Stops unless all runs of a case, or of one number of ranks in it, gave the same bits: one_digest NAME CASE
+# [RANKS]
 one_digest() {
     local digests
     digests="$(awk -F, -v c="$2" -v r="${3:-}" '$1 == c && (r == "" || $3 == r) { print $10, "from " $9 " right-hand sides" }' \
@@ -319,7 +323,8 @@ summarise() {
     done
 }
 
-# Speed-up and efficiency over cores from NAME.csv, a curve for each case and number of threads: plot NAME TITLE
+# Speed-up and efficiency over cores from NAME.csv, a curve for each case and number of threads: plot NAME
+# TITLE
 plot() {
     local name="$1" title="$2" key keys curves='' quality='' number=0
     if ! command -v gnuplot >/dev/null; then

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# A run on a cluster with PBS (OpenPBS, PBS Pro) that outlives its time limit: two minutes before the limit it saves itself,
-# and submits itself again until the scene is done.
+# A run on a cluster with PBS (OpenPBS, PBS Pro) that outlives its time limit: two minutes before the limit it
+# saves itself, and submits itself again until the scene is done.
 #
 #     qsub -v SCENE=configs/bed.toml launch/pbs.sh
 #     qsub -v SCENE=big.toml,ARGUMENTS="--set t_end=20" -l select=4:ncpus=32:mpiprocs=8:ompthreads=4 launch/pbs.sh
 #     qsub -v SCENE=configs/bed.toml -J 1-10 launch/pbs.sh            # ten seeds: bed-1.vtkhdf ... bed-10.vtkhdf
 #
-# Ranks x threads: mpiprocs ranks a node with ompthreads threads each. DEMHYBRID_SETUP names a file to source first, with the
-# modules of the site (see README).
+# Ranks x threads: mpiprocs ranks a node with ompthreads threads each. DEMHYBRID_SETUP names a file to source
+# first, with the modules of the site (see README).
 #PBS -N demhybrid
 #PBS -l select=1:ncpus=2:mpiprocs=2:ompthreads=1
 #PBS -l walltime=01:00:00

@@ -46,7 +46,7 @@ within() {
 
 restart() {
     say "restart: 20 ranks killed at random times, runs stopped at three times and taken up on 1, 2 and 3 ranks"
-    cargo test --locked --features long-tests --test restart -- --nocapture --test-threads=1 2>&1 |
+    cargo test --locked --features long-tests --test program restart:: -- --nocapture --test-threads=1 2>&1 |
         grep --line-buffered -v '^t = '
 }
 
@@ -70,12 +70,12 @@ alone() {
         echo "test-long: the build without MPI wants libraries of the system" >&2
         exit 1
     fi
-    DEMHYBRID_WITHOUT_MPI="$target/debug/demhybrid" cargo test --locked --features long-tests --test builds
+    DEMHYBRID_WITHOUT_MPI="$target/debug/demhybrid" cargo test --locked --features long-tests --test program builds::
 }
 
 packing() {
     say "packing: step counts, volume fractions, walls"
-    cargo test --locked --features long-tests --test packing -- --nocapture --test-threads=1
+    cargo test --locked --features long-tests --test physics packing:: -- --nocapture --test-threads=1
 }
 
 exports() {
@@ -83,20 +83,20 @@ exports() {
     from_debian lmp lammps
     with_ovito
     LAMMPS="$(command -v lmp)" OVITO_PYTHON="$ovito" \
-        cargo test --locked --features long-tests --test exports lammps_and_ovito
+        cargo test --locked --features long-tests --test program lammps_and_ovito
 }
 
 browser() {
     say "the report in a browser"
     from_debian chromium chromium
-    CHROMIUM="$(command -v chromium)" cargo test --locked --features long-tests --test browser
+    CHROMIUM="$(command -v chromium)" cargo test --locked --features long-tests --test program browser::
 }
 
 documents() {
     say "every command of README and tutorials, as they stand, and the book"
     with_ovito
     DEMHYBRID_PYTHON="$ovito" \
-        cargo test --locked --features long-tests --test documents -- --nocapture --test-threads=1
+        cargo test --locked --features long-tests --test program documents:: -- --nocapture --test-threads=1
     [ -x target/mdbook/bin/mdbook ] || cargo install --locked --root target/mdbook --version '^0.4' mdbook
     target/mdbook/bin/mdbook build docs
 }
@@ -104,12 +104,12 @@ documents() {
 fuzz() {
     say "fuzzing of scenes and particle files: four campaigns, with seeds that a plain test does not have"
     FUZZ_SECONDS="${FUZZ_SECONDS:-150}" FUZZ_SEED="${FUZZ_SEED:-1000}" \
-        cargo test --locked --test fuzz -- --test-threads=1
+        cargo test --locked --test texts fuzz:: -- --test-threads=1
 }
 
 hard() {
     say "hard cases: a bed at rest for 1 000 s, a column of 1 000 spheres, what vibrates at kappa = 500"
-    cargo test --locked --features long-tests --test hard rest:: -- --nocapture --test-threads=1
+    cargo test --locked --features long-tests --test physics hard::rest:: -- --nocapture --test-threads=1
 }
 
 speed() {

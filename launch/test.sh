@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Sets up what the tests need and runs all of them: format, lints, documentation, unit tests, physics, the program
-# under mpirun, and the output in h5py and VTK. The long ones are in launch/test-long.sh.
+# Sets up what the tests need and runs all of them: format, lints, documentation, unit tests, physics, the
+# program under mpirun, and the output in h5py and VTK. The long ones are in launch/test-long.sh.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

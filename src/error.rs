@@ -1,17 +1,20 @@
-//! Everything that can end a run early, each with the exit code that tells a script what happened.
+//! Every error that can end a run early, with its exit code; and requests to stop a run.
 
 use std::fmt;
 use thiserror::Error;
 
-/// A reason to stop. Messages are lower case, without a full stop, with value, unit and time.
+/// Why a run ended early. A message is lower case, has no full stop, and gives value, unit and time.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum Error {
-    /// Something found before the first step: scene, particles, command line, output location.
-    /// The text is complete: it names the key or file, the value and what would be right.
+    /// A mistake found before the first step: in the scene, the particles, the command line or the output
+    /// path.
+    ///
+    /// The text is the whole message. It names the key or file, gives the value, and says what would be
+    /// right.
     #[error("{0}")]
     Input(String),
 
-    /// Two particles share one centre: the direction of their contact is undefined.
+    /// Two particles have the same centre, so their contact has no direction.
     #[error(
         "the centres of particles {i} and {j} coincide at t = {t} s: a contact between them has no direction"
     )]
@@ -24,10 +27,11 @@ pub enum Error {
         t: f64,
     },
 
-    /// The force between two particles is beyond the range of a double.
+    /// The force between two particles is not finite: it exceeds the range of a double.
     #[error(
-        "the force between particles {i} and {j} is not finite at t = {t} s: their overlap is {overlap} m, and the \
-         repulsion grows as exp(contact.stiffness_exponent * overlap), which overflows beyond exp(709)"
+        "the force between particles {i} and {j} is not finite at t = {t} s: their overlap is {overlap} m, \
+         and the repulsion grows as exp(contact.stiffness_exponent * overlap), which overflows beyond \
+         exp(709)"
     )]
     PairForce {
         /// Lower particle id.
@@ -40,15 +44,17 @@ pub enum Error {
         t: f64,
     },
 
-    /// The force between a particle and a wall is beyond the range of a double.
+    /// The force between a particle and a wall is not finite: it exceeds the range of a double.
     #[error(
-        "the force of wall {wall} on particle {i} is not finite at t = {t} s: its overlap is {overlap} m, and the \
-         repulsion grows as exp(contact.stiffness_exponent * overlap), which overflows beyond exp(709)"
+        "the force of wall {wall} on particle {i} is not finite at t = {t} s: its overlap is {overlap} m, \
+         and the repulsion grows as exp(contact.stiffness_exponent * overlap), which overflows beyond \
+         exp(709)"
     )]
     WallForce {
         /// Particle id.
         i: u64,
-        /// Wall number: sides of the box first (min x, max x, min y, ...), then `container.wall` in order.
+        /// Number of the wall: first the finite sides of the box (min x, max x, min y, ...), then
+        /// `container.wall` in order.
         wall: usize,
         /// Overlap, m.
         overlap: f64,
@@ -56,7 +62,7 @@ pub enum Error {
         t: f64,
     },
 
-    /// The right-hand side is beyond the range of a double although every contact force is finite.
+    /// An acceleration is not finite although every contact force is.
     #[error(
         "the acceleration of particle {i} is not finite at t = {t} s: gravity, forces or 1/mass are too large"
     )]
@@ -67,9 +73,10 @@ pub enum Error {
         t: f64,
     },
 
-    /// No step at or above the smallest allowed one gives a finite state and a later time.
+    /// No allowed step leads to a finite state at a later time.
     #[error(
-        "no step can be made from t = {t} s: it fell to {h:e} s (solver.min_step = {min_step:e} s), limited by particle {i}"
+        "no step can be made from t = {t} s: it fell to {h:e} s (solver.min_step = {min_step:e} s), limited \
+         by particle {i}"
     )]
     NoStep {
         /// Time, s.
@@ -82,10 +89,10 @@ pub enum Error {
         i: u64,
     },
 
-    /// A particle would outrun its neighbours within the smallest allowed step.
+    /// A particle moves so fast that even the smallest allowed step could miss a collision.
     #[error(
-        "particle {i} moves too far at t = {t} s: within a step of {h:e} s (solver.min_step) by more than {travel} m \
-         (0.3 particles.radius), and a collision could be missed"
+        "particle {i} moves too far at t = {t} s: within a step of {h:e} s (solver.min_step) by more than \
+         {travel} m (0.3 particles.radius), and a collision could be missed"
     )]
     TooFast {
         /// Time, s.
@@ -94,22 +101,22 @@ pub enum Error {
         h: f64,
         /// Particle id.
         i: u64,
-        /// Furthest that a step may move a particle, m.
+        /// The furthest that a step may move a particle, m.
         travel: f64,
     },
 
-    /// Steps at the minimum were accepted too often: the error estimate is rounding noise.
+    /// Too many steps were accepted at the minimum in spite of their error, which is rounding noise.
     #[error(
-        "solver.tolerance = {tolerance:e} is below round-off: {forced} of {accepted} steps up to t = {t} s were accepted \
-         at solver.min_step = {min_step:e} s with a larger error (step {h:e} s, limited by particle {i}); \
-         a larger tolerance, or smaller forces at the start, would do"
+        "solver.tolerance = {tolerance:e} is below round-off: {forced} of {accepted} steps up to t = {t} s \
+         were accepted at solver.min_step = {min_step:e} s with a larger error (step {h:e} s, limited by \
+         particle {i}); a larger tolerance, or smaller forces at the start, would do"
     )]
     BelowRoundOff {
         /// `solver.tolerance`.
         tolerance: f64,
-        /// Steps accepted at the minimum in spite of their error.
+        /// Number of steps accepted at the minimum in spite of their error.
         forced: u64,
-        /// All accepted steps.
+        /// Number of all accepted steps.
         accepted: u64,
         /// Time, s.
         t: f64,
@@ -121,48 +128,49 @@ pub enum Error {
         i: u64,
     },
 
-    /// A tolerance that the rounding of a single step exceeds.
+    /// The tolerance is smaller than the rounding error of a single step.
     #[error(
-        "solver.tolerance = {tolerance:e} is below round-off: a step is rounded by {rounding:.1e} of the scales of the norm, \
-         as particle {i} is so far from the origin or so fast; {enough:.1e} or more would do"
+        "solver.tolerance = {tolerance:e} is below round-off: a step is rounded by {rounding:.1e} of the \
+         scales of the norm, as particle {i} is so far from the origin or so fast; {enough:.1e} or more \
+         would do"
     )]
     Rounding {
         /// `solver.tolerance`.
         tolerance: f64,
-        /// Rounding of a step in the norm.
+        /// Rounding error of a step, in the norm of the tolerance.
         rounding: f64,
-        /// Id of the particle with the largest numbers.
+        /// Id of the particle with the largest rounding error.
         i: u64,
         /// The smallest tolerance that would do.
         enough: f64,
     },
 
-    /// All runs of a case of an ensemble failed.
+    /// All runs of one case of an ensemble failed.
     #[error("no run of {case} came to its end; seed {seed}: {why}")]
     NoRun {
-        /// The case.
+        /// Name of the case.
         case: String,
         /// Seed of its first run.
         seed: u64,
-        /// Why that one failed.
+        /// Why the first run failed.
         why: String,
     },
 
-    /// A run of a comparison did more work than it may.
+    /// A run of a comparison needed more right-hand sides than it is allowed.
     #[error("stopped at t = {t} s after {done} right-hand sides: a run may take {limit}")]
     WorkLimit {
         /// Time, s.
         t: f64,
-        /// Right-hand sides up to there.
+        /// Right-hand sides evaluated up to that time.
         done: u64,
-        /// Right-hand sides that were allowed.
+        /// Right-hand sides allowed.
         limit: u64,
     },
 
-    /// Another rank failed, and has said why.
+    /// Another rank failed and has printed the reason.
     #[error("another rank failed")]
     Elsewhere {
-        /// Exit code of the failure.
+        /// Exit code of that failure.
         code: i32,
     },
 
@@ -175,7 +183,8 @@ pub enum Error {
         why: String,
     },
 
-    /// The output file is not the one that this run writes to any more; what was computed is in a checkpoint.
+    /// The output file was removed or replaced while the run was writing to it. The results are in a
+    /// checkpoint.
     #[error("{file} was {what} while the run was writing to it")]
     Replaced {
         /// The output file as the user named it.
@@ -184,27 +193,27 @@ pub enum Error {
         what: &'static str,
     },
 
-    /// A checkpoint could not be written; the one before is still there.
+    /// A checkpoint could not be written. The previous one is still there.
     #[error("cannot write the checkpoint {file}: {why}")]
     Checkpoint {
-        /// The file.
+        /// The checkpoint file.
         file: String,
         /// What the system said.
         why: String,
     },
 
-    /// The run was stopped on request, and saved.
+    /// The run was stopped on request, after it had written a checkpoint.
     #[error("stopped by {request} at t = {t} s; demhybrid --resume {file} goes on from there")]
     Stopped {
-        /// What asked for it.
+        /// What requested the stop.
         request: StopRequest,
-        /// Time that was reached, s.
+        /// Time reached, s.
         t: f64,
         /// The output file as the user named it.
         file: String,
     },
 
-    /// Particle bookkeeping is broken: a bug, never a user's mistake.
+    /// A particle was lost or duplicated: a bug in the program, never a mistake of the user.
     #[error("particle {id} was {what} while particles migrated between ranks at t = {t} s")]
     Migration {
         /// Particle id.
@@ -217,8 +226,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// Exit code of the program: 2 before the first step, 3 numerical failure, 4 output, 5 stopped on request,
-    /// 70 internal.
+    /// Exit code of the program: 2 for a mistake found before the first step, 3 for a numerical failure, 4
+    /// for output, 5 for a stop on request, 70 for an internal error.
     pub fn exit_code(&self) -> i32 {
         match self {
             Error::Input(_) => 2,
@@ -240,24 +249,24 @@ impl Error {
     }
 }
 
-/// A request, of which the largest that any rank has seen counts.
+/// A request to a run in progress. If ranks receive different requests, the one of largest weight counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StopRequest {
-    /// To go on.
+    /// No request: go on.
     #[default]
     Nothing,
-    /// To write a checkpoint and go on.
+    /// Write a checkpoint and go on.
     Checkpoint,
-    /// To stop, because somebody has made the stop file.
+    /// Stop: the stop file exists.
     StopFile,
-    /// To stop, because `limits.wall` is over.
+    /// Stop: the wall time of `limits.wall` is over.
     WallLimit,
-    /// To stop, by this signal.
+    /// Stop: the process received the signal of this number.
     Signal(u8),
 }
 
 impl StopRequest {
-    /// A number that is larger for what counts more.
+    /// A number for reductions over ranks: the request of largest weight counts.
     pub fn weight(self) -> f64 {
         match self {
             StopRequest::Nothing => 0.0,
@@ -268,7 +277,7 @@ impl StopRequest {
         }
     }
 
-    /// The inverse of `weight`.
+    /// The request of this weight: the inverse of `weight`.
     pub fn of_weight(weight: f64) -> Self {
         match weight as u32 {
             0 => StopRequest::Nothing,
@@ -279,7 +288,7 @@ impl StopRequest {
         }
     }
 
-    /// Whether the run is to end.
+    /// Whether the request ends the run.
     pub fn stops(self) -> bool {
         !matches!(self, StopRequest::Nothing | StopRequest::Checkpoint)
     }

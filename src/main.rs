@@ -1,4 +1,4 @@
-//! Starts MPI where there is one, runs the program, and turns what happened into an exit code.
+//! The program: starts MPI if it is built with it, runs the command, and ends with an exit code.
 
 use clap::Parser;
 use demhybrid::cli::{CommandLine, Work, accuracy, ensemble, run, tools};
@@ -16,9 +16,9 @@ const INTERNAL: i32 = 70;
 
 fn main() {
     let work = CommandLine::try_parse().map(CommandLine::work).unwrap_or_else(|message| {
-        // Help and mistakes on the command line need no MPI, and one rank to print them.
+        // Help and mistakes on the command line need no MPI. One rank prints them.
         match launch::speaks_first() {
-            // One write: mpirun puts words of its own between two.
+            // A single write: mpirun may insert its own text between two writes.
             true if message.use_stderr() => launch::say(&message.to_string()),
             true => message.exit(),
             false => {}
@@ -51,9 +51,13 @@ fn main() {
     std::process::exit(code)
 }
 
-/// Reports an error. All but output errors are known to all ranks: rank 0 speaks, unless another rank has spoken, and
-/// all leave together. An output error may be one rank's alone, and after it no collective call may follow: it ends the
-/// job, and rank 0 speaks first if it knows.
+/// Prints an error and returns the exit code of the program.
+///
+/// All ranks know every error except [`Error::Output`]. Rank 0 prints it, unless another rank has printed it
+/// already ([`Error::Elsewhere`]). Then all ranks exit together.
+///
+/// An output error may have happened on one rank only, so no collective call may follow it. It aborts the
+/// job. The other ranks wait a moment before they print, so that rank 0 prints first if it has the error too.
 fn end(world: &dyn Comm, error: &Error) -> i32 {
     let message = match error {
         Error::Stopped { .. } => format!("demhybrid: {error}"),

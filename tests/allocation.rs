@@ -1,9 +1,9 @@
-//! A step takes no memory once its vectors have their size: allocators cost time, and memory that grows ends long runs.
-//! On one thread; rayon's queues are its own matter, and so is what MPI does in C.
+//! A step takes no memory once its vectors have their size: allocators cost time, and memory that grows ends
+//! long runs. On one thread; rayon's queues are its own matter, and so is what MPI does in C.
 
 #[path = "../benches/common/mod.rs"]
 mod beds;
-#[path = "common/mpirun.rs"]
+#[path = "program/mpirun.rs"]
 mod mpirun;
 
 use beds::{Job, bed, scene, simulate_on};

@@ -25,8 +25,8 @@ pub fn scene(variant: &str) -> Scene {
 /// The three variants.
 pub const VARIANTS: [&str; 3] = ["basic", "friction", "friction+rotation"];
 
-/// `n` spheres of radius 0.1 m packed as densely as a settled bed, 5 across and 10 deep, with small random shifts and
-/// velocities.
+/// `n` spheres of radius 0.1 m packed as densely as a settled bed, 5 across and 10 deep, with small random
+/// shifts and velocities.
 pub fn bed(n: usize) -> InitialCondition {
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(7);
     let mut vector =

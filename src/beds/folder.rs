@@ -1,15 +1,15 @@
-//! The folder that tables and figures are written to.
+//! The output folder of tables and figures.
 
 use crate::error::Error;
 use std::fmt::Display;
 use std::path::Path;
 
-/// Name of a file without folder and extension.
+/// Name of the file without its folder and extension; `scene` if there is none.
 pub fn stem(file: &Path) -> String {
     file.file_stem().map_or("scene".into(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// Makes the folder, or says why it cannot be used.
+/// Creates the folder, or says why it cannot be used. A folder with files in it needs `force`.
 pub fn prepare(folder: &Path, force: bool) -> Result<(), Error> {
     let refuse = |why: String| Error::Input(format!("--output {}: {why}", folder.display()));
     if folder.exists() && !folder.is_dir() {
@@ -22,14 +22,14 @@ pub fn prepare(folder: &Path, force: bool) -> Result<(), Error> {
     if entries.next().is_some() && !force {
         return Err(refuse("the folder is not empty; choose another one, or allow it with --force".into()));
     }
-    // A folder that cannot be written to is told before hours of work.
+    // Try to write a file now, so that the user learns of a read-only folder before hours of work.
     let probe = folder.join(".demhybrid");
     std::fs::write(&probe, "")
         .and_then(|()| std::fs::remove_file(&probe))
         .map_err(|why| refuse(format!("nothing can be written there: {why}; choose another one")))
 }
 
-/// The error for a file of the comparison that cannot be written.
+/// The error for a file that cannot be written.
 pub fn cannot_write(path: &Path, why: impl Display) -> Error {
     Error::Output { file: path.display().to_string(), why: why.to_string() }
 }

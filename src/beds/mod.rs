@@ -1,4 +1,4 @@
-//! Finished beds: measures, pictures, exports, and the plots and tables of everything that is computed.
+//! Finished beds: measures, pictures and exports. Also the plots and text helpers for all tables and figures.
 
 pub mod export;
 pub mod folder;

@@ -1,6 +1,6 @@
-//! Words cut to the room that a table or a figure has.
+//! Shortens texts for tables and figures.
 
-/// `text` on one line and with at most `most` characters, the last one an ellipsis where some are missing.
+/// `text` on one line, with at most `most` characters. If some are cut off, the last one is an ellipsis.
 pub fn shortened(text: &str, most: usize) -> String {
     let line: Vec<char> = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     if line.len() <= most {

@@ -1,4 +1,4 @@
-//! `demhybrid accuracy SCENE`: what accuracy costs, from the command line to the files and the recommendation.
+//! `demhybrid accuracy SCENE`: compares what accuracy costs with different solvers, and recommends one.
 
 use std::path::PathBuf;
 
@@ -13,32 +13,34 @@ use crate::ode::MethodName;
 use crate::studies::accuracy::{Comparison, METHODS, Request, Study, Sweep};
 use crate::studies::job_pool::JobPool;
 
-/// Find out how accurate a scene is computed, and what more accuracy would cost
+/// Find out how accurately a scene is computed, and what more accuracy would cost
 ///
-/// Runs the scene with several methods and tolerances, compares the runs with exact answers and with a far more
-/// accurate run of its own, and writes tables (runs.csv, accuracy.json) and figures (SVG) to a folder. The table, what
-/// to know about it, and a recommendation go to stdout.
+/// Runs the scene with several methods and tolerances. Compares these runs with exact answers and with a far
+/// more accurate run of its own.
 ///
-/// Study "impact": one sphere hits a floor; error of the time to the next highest point and of the restitution against
-/// their exact values.
+/// Writes tables (runs.csv, accuracy.json) and figures (SVG) to a folder. The table, what to know about it,
+/// and a recommendation go to stdout.
 ///
-/// Study "state": all spheres at one time, against the reference. Trajectories part for ever after some time, whatever
-/// the solver; that time is found and printed, and the comparison made before.
+/// Study "impact": one sphere hits a floor. Errors of the time to the next highest point and of the
+/// restitution, against their exact values.
 ///
-/// Study "energy": drift of the energy where nothing is lost, else energy that is neither there nor accounted for.
+/// Study "state": all spheres at one time, against the reference. After some time trajectories part for ever,
+/// whatever the solver. That time is found and printed, and states are compared before it.
 ///
-/// Study "ensemble": volume fraction, bed height, coordination number and largest overlap over several initial states,
-/// with 95 % intervals.
+/// Study "energy": drift of the energy if nothing dissipates it, else the energy missing from the balance.
 ///
-/// Every run takes one core. Runs are shared out over ranks (mpirun) and threads; the numbers do not depend on either,
-/// but for the core seconds.
+/// Study "ensemble": volume fraction, bed height, coordination number and largest overlap over several
+/// initial states, with 95 % intervals.
+///
+/// Every run takes one core. Runs are shared out over ranks (mpirun) and threads. Only the core seconds
+/// depend on their numbers.
 #[derive(Debug, Clone, PartialEq, Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct AccuracyArgs {
     /// Scene file, TOML in SI units
     pub scene: PathBuf,
 
-    /// Folder for tables and figures [default: name of the scene, -accuracy, in the working folder]
+    /// Folder for tables and figures [default: SCENE-accuracy in the working folder]
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
 
@@ -46,15 +48,16 @@ pub struct AccuracyArgs {
     #[arg(long, value_name = "METHODS", value_delimiter = ',', value_parser = method_parser())]
     pub methods: Vec<MethodName>,
 
-    /// Tolerances of the methods with error control [default: 1e-1 to 1e-8, of chebyshev to 1e-6, in ensembles to 1e-4]
+    /// Tolerances of the methods with error control [default: 1e-1 to 1e-8, of chebyshev to 1e-6, in
+    /// ensembles to 1e-4]
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive, allow_negative_numbers = true)]
     pub tolerances: Vec<f64>,
 
     /// Steps of velocity-verlet in s [default: 1e-2, 3e-3, 1e-3, 3e-4 and 1e-4 of T]
     ///
-    /// T = 1/sqrt(kappa g) is the time in which a sphere at rest on a floor swings by one radian, for the stiffness
-    /// exponent kappa and the gravity g; without gravity T = 1/(kappa V), the time of an impact with the scene's
-    /// velocity scale V.
+    /// T = 1/sqrt(kappa g) is the time in which a sphere at rest on a floor swings by one radian. Here kappa
+    /// is the stiffness exponent and g the gravity. Without gravity T = 1/(kappa V), the time of an impact at
+    /// the scene's velocity scale V.
     #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive, allow_negative_numbers = true)]
     pub steps: Vec<f64>,
 
@@ -72,8 +75,8 @@ pub struct AccuracyArgs {
 
     /// Error of the model: repeat impact and ensemble for these values of a scene key
     ///
-    /// For example --sweep contact.stiffness_exponent=30,150,500. One accurate solver takes all values, so that the
-    /// differences are those of the model; they have a figure and a table of their own.
+    /// For example --sweep contact.stiffness_exponent=30,150,500. One accurate solver computes all values, so
+    /// that differences come from the model alone. They have a figure and a table of their own.
     #[arg(long, value_name = "KEY=V1,V2,..")]
     pub sweep: Option<Sweep>,
 
@@ -81,11 +84,11 @@ pub struct AccuracyArgs {
     #[arg(long)]
     pub paper: bool,
 
-    /// What is studied [default: all that the scene allows]
+    /// Studies to make [default: all that the scene allows]
     #[arg(long, value_name = "STUDIES", value_delimiter = ',', value_parser = study_parser())]
     pub studies: Vec<Study>,
 
-    /// Threads of each MPI rank, each with a run of its own [default: what the rank's cores allow]
+    /// Threads of each MPI rank, each with a run of its own [default: as many as the rank's cores allow]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
     pub threads: Option<usize>,
 
@@ -97,7 +100,7 @@ pub struct AccuracyArgs {
     #[arg(long)]
     pub force: bool,
 
-    /// No progress, only errors
+    /// Show no progress, only errors
     #[arg(short, long)]
     pub quiet: bool,
 }
@@ -119,7 +122,7 @@ impl AccuracyArgs {
         }
     }
 
-    /// The folder of the files.
+    /// Folder for the tables and figures.
     fn folder(&self) -> PathBuf {
         self.output.clone().unwrap_or_else(|| format!("{}-accuracy", stem(&self.scene)).into())
     }

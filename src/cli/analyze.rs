@@ -1,4 +1,5 @@
-//! `demhybrid analyze`: how densely a bed is packed, how its spheres touch, and how the run went.
+//! `demhybrid analyze`: measures how densely a bed is packed and how its spheres touch, and shows how the run
+//! went.
 
 use std::path::{Path, PathBuf};
 
@@ -10,18 +11,21 @@ use crate::domain::launch;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, Which};
 
-/// Which bed to measure, and where to put what was found.
+/// Which bed to measure, and where to write the results.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct AnalyzeArgs {
     /// Output file of a run
     pub run: PathBuf,
 
-    /// Folder for tables (CSV), figures (SVG), summary.json and report.html [default: RUN's name with -analysis]
+    /// Folder for tables (CSV), figures (SVG), summary.json and report.html [default: RUN's name with
+    /// -analysis]
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
 
-    /// Frame: last (the last complete one), a number from 0 on, or all; what is no row a frame is of the last of them
+    /// Frames to measure: last (the last complete one), a number from 0 on, or all
+    ///
+    /// With all, tables and figures over time cover every frame. All other results are those of the last one.
     #[arg(long, default_value = "last", value_name = "last|K|all")]
     pub frame: Which,
 
@@ -34,7 +38,7 @@ pub struct AnalyzeArgs {
     pub force: bool,
 }
 
-/// Measures what the command line asks for, writes the folder and prints a table.
+/// Measures the bed, writes the folder and prints a table.
 pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
     let record = RunFile::open(&args.run)?;
     let frames = record.numbers(args.frame)?;
@@ -53,7 +57,7 @@ pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
     Ok(())
 }
 
-/// What a reader of the terminal wants to know.
+/// The table on the terminal: what was measured, and where the files are.
 fn table(record: &RunFile, measured: &Measured, folder: &Path, files: usize) -> String {
     let mut lines = vec![format!(
         "{}: frame {} of {}, t = {} s, {} spheres{}",

@@ -1,4 +1,4 @@
-//! `demhybrid ensemble`: many starts of one scene, and scenes side by side, run or gathered.
+//! `demhybrid ensemble`: runs scenes from many initial states, or gathers finished runs, and compares them.
 
 use std::path::PathBuf;
 
@@ -12,18 +12,23 @@ use crate::error::Error;
 use crate::studies::ensemble::{self, Case, MEASURES, Plan, Request, Seeds, Vary, gather};
 use crate::studies::job_pool::JobPool;
 
-/// Run scenes from many starts, and show means, ranges and 95 % intervals of the beds
+/// Run scenes from many initial states, and show means, ranges and 95 % intervals of the beds
 ///
-/// Every scene, with every value of the varied keys, is a case; every case runs once for every seed of
-/// particles.grid.seed. Measures are those of analyze, at the end of the runs and over time. The folder gets runs.csv (every
-/// run), summary.csv and summary.json (means, ranges, standard deviations, 95 % intervals of the means by Student's t, and
-/// differences to the first case on the same seeds), evolution.csv, ranges.svg and evolution.svg. The table goes to stdout.
+/// A case is a scene with one value of every varied key. Every case runs once for every seed of
+/// particles.grid.seed. The measures are those of analyze, at the end of the runs and over time.
 ///
-/// Every run takes one core. Runs are shared out over ranks (mpirun) and threads; no number depends on either.
+/// The folder gets runs.csv (every run), summary.csv and summary.json, evolution.csv, ranges.svg and
+/// evolution.svg. The table goes to stdout.
+///
+/// The summary has means, ranges, standard deviations, 95 % intervals of the means by Student's t, and
+/// differences to the first case on the same seeds.
+///
+/// Every run takes one core. Runs are shared out over ranks (mpirun) and threads; no number depends on
+/// either.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct EnsembleArgs {
-    /// Scene files, TOML in SI units; several are cases side by side
+    /// Scene files, TOML in SI units; several scenes are compared as cases
     #[arg(required_unless_present = "gather", value_name = "SCENE")]
     pub scenes: Vec<PathBuf>,
 
@@ -33,8 +38,8 @@ pub struct EnsembleArgs {
 
     /// Values of a scene key, each a case; may be repeated for all combinations
     ///
-    /// For example --vary friction.coefficient=0.1,0.2. Where there are several scenes, the name of one and a colon before
-    /// the key let that scene alone vary: --vary settle:friction.coefficient=0.1,0.2.
+    /// For example --vary friction.coefficient=0.1,0.2. If there are several scenes, the name of one of them
+    /// and a colon before the key vary that scene alone: --vary settle:friction.coefficient=0.1,0.2.
     #[arg(long, value_name = "[SCENE:]KEY=V1,V2,..")]
     pub vary: Vec<Vary>,
 
@@ -42,10 +47,10 @@ pub struct EnsembleArgs {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 
-    /// Take runs that are there already, the output files of a job array for example, in place of running scenes
+    /// Read finished runs instead of running scenes, for example the output files of a job array
     ///
-    /// Files whose scenes differ in nothing but seed, output.file, checkpoint and limits are one case. Runs that are not
-    /// complete are named and left out.
+    /// Files are one case if their scenes differ only in seed, output.file, checkpoint and limits. Runs that
+    /// are not complete are named and left out.
     #[arg(long, value_name = "RUN", num_args = 1.., conflicts_with_all = ["scenes", "seeds", "vary", "set"])]
     pub gather: Vec<PathBuf>,
 
@@ -55,7 +60,7 @@ pub struct EnsembleArgs {
     #[arg(value_parser = PossibleValuesParser::new(MEASURES.iter().map(|measure| measure.name)))]
     pub measures: Vec<String>,
 
-    /// Measure over time at this many times, about; 0: at the end only
+    /// Measure at about this many times during a run; 0: at the end only
     ///
     /// All particles at these times are held in memory until the run ends.
     #[arg(long, value_name = "N", default_value_t = 100)]
@@ -65,11 +70,11 @@ pub struct EnsembleArgs {
     #[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
     pub region: RegionArgs,
 
-    /// Folder for tables and figures [default: name of the first scene, -ensemble, in the working folder]
+    /// Folder for tables and figures [default: SCENE-ensemble in the working folder, after the first scene]
     #[arg(short, long, alias = "out", value_name = "DIR")]
     pub output: Option<PathBuf>,
 
-    /// Threads of each MPI rank, each with a run of its own [default: what the rank's cores allow]
+    /// Threads of each MPI rank, each with a run of its own [default: as many as the rank's cores allow]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
     pub threads: Option<usize>,
 
@@ -77,7 +82,7 @@ pub struct EnsembleArgs {
     #[arg(long)]
     pub force: bool,
 
-    /// No progress, only warnings and errors
+    /// Show no progress, only warnings and errors
     #[arg(short, long)]
     pub quiet: bool,
 }
@@ -92,7 +97,7 @@ impl EnsembleArgs {
         }
     }
 
-    /// The folder of the files.
+    /// Folder for the tables and figures.
     fn folder(&self) -> PathBuf {
         let first = self.gather.first().map(|run| gather::family(run));
         let name = || first.or_else(|| self.scenes.first().map(|scene| stem(scene))).unwrap_or_default();
@@ -126,7 +131,7 @@ pub fn run(args: &EnsembleArgs, comm: &dyn Comm) -> Result<(), Error> {
     ensemble::check_cases(&cases)
 }
 
-/// Tells about runs without a result. Rank 0 only speaks.
+/// Warns of every run without a result. Rank 0 alone prints.
 fn warn(cases: &[Case], comm: &dyn Comm) {
     if comm.rank() > 0 {
         return;

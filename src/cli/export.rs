@@ -1,4 +1,4 @@
-//! `demhybrid export`: frames of a run in the formats of other programs.
+//! `demhybrid export`: writes frames of a run in the formats of other programs.
 
 use std::path::{Path, PathBuf};
 
@@ -14,11 +14,14 @@ pub struct ExportArgs {
     /// Output file of a run
     pub run: PathBuf,
 
-    /// What to write
+    /// Format to write
     #[arg(long, value_name = "FORMAT")]
     pub to: Format,
 
-    /// File to write; with --frame all and any format but xyz, FILE-0000, FILE-0001 and so on before the extension
+    /// File to write
+    ///
+    /// With --frame all and any format but xyz there are several files: FILE-0000, FILE-0001 and so on, with
+    /// the number before the extension.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
 
@@ -30,7 +33,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "N")]
     pub resolution: Option<f64>,
 
-    /// raw: what is 1, the other being 0 [default: solid]
+    /// raw: phase whose voxels are 1; the others are 0 [default: solid]
     #[arg(long, value_name = "PHASE")]
     pub ones: Option<Phase>,
 
@@ -57,7 +60,7 @@ impl ExportArgs {
     }
 }
 
-/// Writes what the command line asks for.
+/// Writes the frames that the command line asks for.
 pub fn run(args: &ExportArgs) -> Result<(), Error> {
     check_options(args)?;
     let run = RunFile::open(&args.run)?;
@@ -67,7 +70,7 @@ pub fn run(args: &ExportArgs) -> Result<(), Error> {
     Ok(())
 }
 
-/// What was written, in a line.
+/// One line that says what was written.
 fn told(written: &[PathBuf], frames: &[u64], run: &RunFile) -> String {
     let name = |path: &Path| path.display().to_string();
     let files = match written {
@@ -87,7 +90,7 @@ fn told(written: &[PathBuf], frames: &[u64], run: &RunFile) -> String {
     format!("{files}: {which} of {}, {} spheres", run.path().display(), run.count)
 }
 
-/// Options that belong to another format would be ignored, and values out of range misunderstood.
+/// Refuses options of another format, which would be ignored, and values out of range.
 fn check_options(args: &ExportArgs) -> Result<(), Error> {
     let foreign = [
         ("--resolution", args.resolution.is_some(), Format::Raw),

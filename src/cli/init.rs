@@ -1,4 +1,4 @@
-//! `demhybrid init`: a scene to start from.
+//! `demhybrid init`: writes a scene to start from.
 
 use crate::domain::launch;
 use crate::error::Error;
@@ -6,10 +6,10 @@ use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
 
-/// The scene, with every key there is; those that may be left out stand behind `#`, with their defaults.
+/// The scene, with every key that exists. Keys that may be left out are behind `#`, with their defaults.
 pub const SCENE: &str = include_str!("init.toml");
 
-/// Writes it to `path`.
+/// Writes the scene to `path`; with `force` it replaces a file that exists.
 pub fn write(path: &Path, force: bool) -> Result<(), Error> {
     let named = path.display();
     let mut options = OpenOptions::new();
@@ -37,7 +37,7 @@ mod tests {
     use super::*;
     use crate::scene::{Scene, Stop, schema};
 
-    /// The scene with every key that stands behind `#`; sentences stand behind a blank more.
+    /// The scene with all keys that are behind `#`. Sentences have a blank after the `#` and stay comments.
     fn with_all_keys() -> String {
         let uncommented = |line: &'static str| match line.strip_prefix("#") {
             Some(key) if !key.starts_with(' ') => key,
@@ -50,14 +50,15 @@ mod tests {
     fn it_is_a_valid_scene_and_so_are_its_defaults() {
         let scene = Scene::parse("scene.toml", SCENE, &[]).unwrap();
         assert_eq!(scene.particles.grid.as_ref().unwrap().count, 200);
-        // What stands behind # is the default: with it, nothing changes but what is optional altogether.
+        // The values behind # are defaults. With them the scene is the same, except for keys without a
+        // default.
         let all = with_all_keys();
         let mut spelt_out =
             Scene::parse("scene.toml", &all, &[]).unwrap_or_else(|why| panic!("{why}\n{all}"));
         assert!(spelt_out.checkpoint.take().is_some() && spelt_out.limits.take().is_some());
         assert_eq!(spelt_out.stop.take().map(|stop| stop.window), Some(Stop::default().window));
         spelt_out.container.wall.clear();
-        // What is computed where it is left out.
+        // These values are computed if they are left out.
         (spelt_out.solver.velocity_scale, spelt_out.solver.neglected_force) = (None, None);
         assert_eq!(spelt_out, scene);
     }

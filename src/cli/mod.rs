@@ -1,4 +1,4 @@
-//! The command line: a scene to run, or a command about a scene.
+//! The command line: runs a scene, or does what a command asks for.
 
 pub mod accuracy;
 mod analyze;
@@ -28,9 +28,10 @@ pub use run::Args;
 
 /// Simulate spheres that fall, collide, rub, roll and settle.
 ///
-/// Reads a scene (TOML), integrates the motion of its particles with adaptive time steps, and writes frames to one
-/// VTKHDF file that ParaView, pyvista and h5py open. Runs on one core, on threads, or on MPI ranks started by mpirun:
-/// the result is the same to the last bit.
+/// Reads a scene (TOML), integrates the motion of its particles with adaptive time steps, and writes frames
+/// to one VTKHDF file. ParaView, pyvista and h5py open that file.
+///
+/// Runs on one core, on threads, or on MPI ranks started by mpirun: the result is the same to the last bit.
 #[derive(Debug, Clone, PartialEq, Parser)]
 #[command(
     name = "demhybrid",
@@ -48,7 +49,7 @@ pub struct CommandLine {
     command: Option<Command>,
 }
 
-/// What is done about a scene beside running it.
+/// The commands, which do something else than one run of a scene.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 enum Command {
     Accuracy(Box<AccuracyArgs>),
@@ -57,14 +58,15 @@ enum Command {
     Tool(Tool),
 }
 
-/// What needs neither MPI nor a simulation.
+/// The commands that need neither MPI nor a simulation.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 pub enum Tool {
-    /// Measure a bed: volume fraction, contacts, structure, and how the run went; tables, figures and a report
+    /// Measure a bed: volume fraction, contacts, structure, and how the run went; write tables, figures and a
+    /// report
     Analyze(Box<AnalyzeArgs>),
     /// Write frames of a run for other programs
     ///
-    /// Reads the output file of a run, finished, stopped or killed, and writes one frame or all of them.
+    /// Reads the output file of a run that is finished, stopped or killed. Writes one frame or all of them.
     Export(Box<ExportArgs>),
     /// Write a scene with comments to start from
     Init {
@@ -88,21 +90,21 @@ pub enum Tool {
     Man,
 }
 
-/// What a command line asks for.
+/// The work that a command line asks for.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Work {
-    /// To run a scene.
+    /// Run a scene.
     Run(Args),
-    /// To compare solvers on a scene.
+    /// Compare solvers on a scene.
     Accuracy(Box<AccuracyArgs>),
-    /// To run a scene from many starts.
+    /// Run scenes from many initial states.
     Ensemble(Box<EnsembleArgs>),
-    /// To do something else than compute.
+    /// Do something that needs no simulation.
     Tool(Tool),
 }
 
 impl CommandLine {
-    /// What it asks for.
+    /// The work that this command line asks for.
     pub fn work(self) -> Work {
         match (self.command, self.run) {
             (Some(Command::Accuracy(args)), _) => Work::Accuracy(args),
@@ -113,7 +115,7 @@ impl CommandLine {
     }
 }
 
-/// What --version says, and -V does not.
+/// The text of --version. The text of -V is only the version.
 static LONG_VERSION: LazyLock<String> = LazyLock::new(|| {
     let hdf5 = hdf5_sys::HDF5_VERSION;
     format!(

@@ -1,4 +1,4 @@
-//! The part of a bed whose volumes are measured, on a command line.
+//! Options for the region of a bed in which volumes are measured.
 
 use crate::beds::measures::region::RegionChoice;
 use crate::math::vector::Vec3;
@@ -6,12 +6,12 @@ use crate::math::vector::Vec3;
 #[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
 #[derive(Debug, Clone, Default, PartialEq, clap::Args)]
 pub struct RegionArgs {
-    /// Measure volumes in this box, m, in place of the bed: two corners
+    /// Measure volumes in this box instead of the bed: two corners, m
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true, value_parser = box_corners)]
     #[arg(conflicts_with_all = ["cylinder", "whole"])]
     pub r#box: Option<[f64; 6]>,
 
-    /// Measure volumes in this upright cylinder, m: its axis, radius and ends
+    /// Measure volumes in this upright cylinder: its axis, radius and ends, m
     #[arg(long, value_name = "X,Y,RADIUS,Z0,Z1", allow_hyphen_values = true, value_parser = upright_cylinder)]
     #[arg(conflicts_with = "whole")]
     pub cylinder: Option<[f64; 5]>,
@@ -22,7 +22,7 @@ pub struct RegionArgs {
 }
 
 impl RegionArgs {
-    /// What was chosen.
+    /// The region that the options choose.
     pub fn choice(&self) -> RegionChoice {
         if let Some([a, b, c, d, e, f]) = self.r#box {
             return RegionChoice::Box { low: Vec3::new(a, b, c), high: Vec3::new(d, e, f) };
@@ -34,7 +34,7 @@ impl RegionArgs {
     }
 }
 
-/// `N` finite numbers between commas.
+/// Reads `N` finite numbers, separated by commas.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let parsed: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
     parsed

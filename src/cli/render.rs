@@ -1,4 +1,4 @@
-//! `demhybrid render`: pictures and animations of a run.
+//! `demhybrid render`: draws pictures and animations of a run.
 
 use std::path::PathBuf;
 
@@ -12,9 +12,10 @@ use crate::files::run_file::{RunFile, Which};
 
 /// Draw the spheres of a run: a picture, numbered pictures, or an animation
 ///
-/// Reads the output file of a run, finished or not, and casts rays at its spheres. The camera takes in all spheres of
-/// all frames drawn, and colours keep their meaning from frame to frame. The edges of the container fade where it is
-/// open, or where its next side is far from all spheres.
+/// Reads the output file of a run, finished or not, and draws its spheres by ray casting. The picture shows
+/// all spheres of all frames drawn, and a colour means the same in every frame.
+///
+/// The edges of the container fade where it is open, or where its next side is far from all spheres.
 #[derive(Debug, Clone, PartialEq, Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct RenderArgs {
@@ -43,11 +44,12 @@ pub struct RenderArgs {
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true)]
     pub range: Option<Limits>,
 
-    /// Direction from which the spheres are seen; its length has no meaning [default: from the front, right and above]
+    /// Direction from the spheres to the camera; its length does not matter [default: from the front, right
+    /// and above]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple, conflicts_with = "from")]
     pub direction: Option<[f64; 3]>,
 
-    /// Position of the camera, m [default: so far away that everything is seen]
+    /// Position of the camera, m [default: far enough to show everything]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple)]
     pub from: Option<[f64; 3]>,
 
@@ -71,15 +73,15 @@ pub struct RenderArgs {
     #[arg(long, value_name = "COLOUR", default_value = "white")]
     pub background: Background,
 
-    /// Neither legend nor time
+    /// Draw neither legend nor time
     #[arg(long)]
     pub plain: bool,
 
-    /// No edges of the container
+    /// Draw no edges of the container
     #[arg(long)]
     pub no_container: bool,
 
-    /// Frames of an animation per second
+    /// Frames per second of an animation
     #[arg(long, value_name = "N", default_value = "25", allow_negative_numbers = true, value_parser = RangedU64ValueParser::<u16>::new().range(1..=50))]
     pub fps: u16,
 
@@ -116,9 +118,9 @@ impl RenderArgs {
     }
 }
 
-/// Draws what the command line asks for.
+/// Draws the pictures that the command line asks for.
 pub fn run(args: &RenderArgs) -> Result<(), Error> {
-    // A file that cannot be a picture is told before the run is read.
+    // Refuse a file name that no picture can have before reading the run.
     pictures::check_format(&args.output)?;
     let run = RunFile::open(&args.run)?;
     let frames = run.numbers(args.frame)?;

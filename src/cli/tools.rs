@@ -1,4 +1,4 @@
-//! Commands that need neither MPI nor a simulation: they look at what a run has written, or tell about the program.
+//! Commands that need neither MPI nor a simulation: they read the file of a run, or describe the program.
 
 use super::{CommandLine, Tool, analyze, export, init, render};
 use crate::domain::launch;
@@ -6,7 +6,9 @@ use crate::error::Error;
 use crate::scene;
 use clap::CommandFactory;
 
-/// Does what `tool` asks for, on the first of several ranks alone; returns the exit code. Without MPI.
+/// Does what `tool` asks for, without MPI; returns the exit code.
+///
+/// If a launcher has started several processes, only the first of them does anything.
 pub fn alone(tool: &Tool) -> i32 {
     if !launch::speaks_first() {
         return 0;

@@ -1,9 +1,11 @@
-//! What one rank knows becomes what all ranks know, failures above all: every rank leaves, and one says why.
+//! Agreement between ranks. If one rank fails, all ranks end together and one of them prints the reason.
 
 use crate::domain::{Comm, launch};
 use crate::error::Error;
 
-/// What `make` gives on rank 0, text or mistake, on every rank. Collective.
+/// Calls `make` on rank 0 and returns its text on every rank. Collective.
+///
+/// If `make` fails, every rank gets its message as [`Error::Input`].
 pub fn share(comm: &dyn Comm, make: impl FnOnce() -> Result<String, Error>) -> Result<String, Error> {
     let mut bytes = Vec::new();
     if comm.rank() == 0 {
@@ -19,7 +21,9 @@ pub fn share(comm: &dyn Comm, make: impl FnOnce() -> Result<String, Error>) -> R
     if bytes[0] == 0 { Ok(text) } else { Err(Error::Input(text)) }
 }
 
-/// Lets rank 0 alone `write`; its failure ends all ranks, and rank 0 says why. Collective.
+/// Calls `write` on rank 0 only. Collective.
+///
+/// If it fails, rank 0 gets the error and the other ranks get [`Error::Elsewhere`].
 pub fn write_on_rank_0(comm: &dyn Comm, write: impl FnOnce() -> Result<(), Error>) -> Result<(), Error> {
     let mut written = Ok(());
     let failed = share(comm, || {
@@ -32,8 +36,11 @@ pub fn write_on_rank_0(comm: &dyn Comm, write: impl FnOnce() -> Result<(), Error
     }
 }
 
-/// Makes the failure of one rank everybody's: the lowest rank that failed says why, all leave together with its exit code.
-/// Collective.
+/// Makes every rank fail if one rank fails; otherwise returns each rank's own value. Collective.
+///
+/// The lowest rank that failed reports its error, and all ranks return the exit code of that error. Rank 0
+/// reports by returning the error. Another rank prints it and, like all the others, returns
+/// [`Error::Elsewhere`].
 pub fn agree<T>(comm: &dyn Comm, own: Result<T, Error>) -> Result<T, Error> {
     let rank = comm.rank() as f64;
     let failed = |why: &Error| [-rank, f64::from(why.exit_code())];
@@ -64,7 +71,7 @@ mod tests {
                 let mistake = Error::Input("too little of something".into());
                 let own = if comm.rank() == failing { Err(mistake.clone()) } else { Ok(comm.rank()) };
                 let agreed = agree(comm, own);
-                // Rank 0 tells its own at the end, as it does with what all ranks know.
+                // Rank 0 returns its own error, which the program prints at its end.
                 let tells_later = failing == 0 && comm.rank() == 0;
                 assert_eq!(agreed, Err(if tells_later { mistake } else { Error::Elsewhere { code: 2 } }));
             });

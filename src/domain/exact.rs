@@ -1,12 +1,16 @@
-//! Sums over all particles that do not depend on how the particles are spread over ranks.
+//! Sums over the particles of all ranks, with the same bits for any number of ranks.
 
 use super::Comm;
 use crate::math::exact::{Scale, largest, total};
 
-/// Sums over all ranks of terms that are rounded to 2^-60 of the largest: integers have no order, so the bits are the
-/// same for any number of ranks. `largest` are the magnitudes of this rank's largest terms, infinite where a term is not a
-/// number; `totals` gives the sums of its terms as integers. Non-finite terms make a sum NaN. At most 2^33 terms a job.
-/// Collective.
+/// `K` sums over the terms of all ranks, with the same bits for any number of ranks. Collective.
+///
+/// Each term is rounded to 2^-60 of the largest of its sum and becomes an integer, so that the order of the
+/// terms does not matter. All ranks together may have at most 2^33 terms.
+///
+/// `largest` holds the magnitude of this rank's largest term of each sum, infinite if a term is NaN. `totals`
+/// returns the sums of this rank's terms as integers, in units of the given scales. A sum with a non-finite
+/// term is NaN.
 pub fn exact_sums<const K: usize>(
     comm: &dyn Comm,
     mut largest: [f64; K],
@@ -22,7 +26,8 @@ pub fn exact_sums<const K: usize>(
     })
 }
 
-/// Sum over all ranks of `term(i)` for i in 0..n, as by `exact_sums`. Collective.
+/// Sum of `term(i)` for i in 0..n over all ranks, each with its own n and terms; see [`exact_sums`].
+/// Collective.
 pub fn exact_sum(comm: &dyn Comm, n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
     let [sum] = exact_sums(comm, [largest(n, &term)], |[scale]| [total(n, &term, scale)]);
     sum

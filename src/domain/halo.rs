@@ -1,11 +1,11 @@
-//! Ghosts: copies of the particles of other ranks that owned particles may touch, refreshed at every stage.
+//! Ghosts: copies of particles of other ranks that owned particles may touch, refreshed at every stage.
 
 use super::{Comm, Parcels};
 use crate::model::particle::{Motion, Spin};
 use crate::ode::Linear;
 use crate::threads::{self, Cut, GRAIN};
 
-/// What a rank's particles occupy along an axis, m; `low > high` when it owns none.
+/// The range of a rank's particles along an axis; empty (`low > high`) if it owns none.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extent {
     /// Lowest coordinate of a centre, m.
@@ -15,7 +15,7 @@ pub struct Extent {
 }
 
 impl Extent {
-    /// The extent of the given coordinates.
+    /// The extent of the given coordinates (m).
     pub fn of(z: impl Iterator<Item = f64>) -> Self {
         z.fold(Extent { low: f64::INFINITY, high: f64::NEG_INFINITY }, |extent, z| Extent {
             low: extent.low.min(z),
@@ -23,7 +23,7 @@ impl Extent {
         })
     }
 
-    /// The extent of several.
+    /// The smallest extent that contains all of `extents`.
     pub fn around(extents: impl Iterator<Item = Extent>) -> Self {
         extents.fold(Extent::of(std::iter::empty()), |all, extent| Extent {
             low: all.low.min(extent.low),
@@ -31,18 +31,18 @@ impl Extent {
         })
     }
 
-    /// Length, m; negative when nothing is in it.
+    /// Length, m; negative if the extent is empty.
     pub fn length(&self) -> f64 {
         self.high - self.low
     }
 
-    /// `z` lies within `reach` (m) of the extent; never if the extent is empty.
+    /// Whether `z` (m) is at most `cutoff` (m) away from the extent; `false` if the extent is empty.
     pub fn is_near(&self, z: f64, cutoff: f64) -> bool {
         self.low <= self.high && z >= self.low - cutoff && z <= self.high + cutoff
     }
 }
 
-/// Numbers in rows of the same width.
+/// Numbers in rows of equal width.
 struct Rows<'a> {
     numbers: &'a mut [f64],
     width: usize,
@@ -55,11 +55,12 @@ impl Cut for Rows<'_> {
     }
 }
 
-/// Which particles are sent to whom at every stage, and where the received ones go. Any two ranks may be partners:
-/// slabs may be thinner than the reach.
+/// The plan of the ghost exchange: which owned particles go to which ranks, and which ghosts come back.
+///
+/// Any two ranks may be partners, not only neighbouring ones: slabs may be thinner than the cutoff.
 #[derive(Debug, Default)]
 pub struct Halo {
-    /// Owned particles to send, parcel after parcel.
+    /// Indices of the owned particles to send, parcel after parcel.
     picks: Vec<u32>,
     outgoing: Parcels,
     incoming: Parcels,
@@ -72,14 +73,18 @@ impl Halo {
         self.ghosts
     }
 
-    /// Owned particles that are ghosts elsewhere, in the order of their parcels, some of them more than once.
+    /// Indices of the owned particles that are ghosts on other ranks, in the order of the parcels.
+    ///
+    /// A particle that is a ghost on several ranks occurs several times.
     pub fn picks(&self) -> impl ExactSizeIterator<Item = usize> + Clone {
         self.picks.iter().map(|&i| i as usize)
     }
 
-    /// Decides who sends what: every owned particle within `reach` (m) of another rank's extent along `axis` becomes its
-    /// ghost.
-    /// Returns the ids of the ghosts in the order in which `refresh` delivers them. Collective.
+    /// Makes the plan: an owned particle within `cutoff` (m) of another rank's extent along `axis` becomes a
+    /// ghost there. Collective.
+    ///
+    /// `ids` and `y` are those of the owned particles, `extents` has one entry for each rank. Returns the ids
+    /// of this rank's ghosts, in the order in which `refresh` delivers them.
     pub fn plan<W: Spin>(
         &mut self,
         comm: &dyn Comm,
@@ -98,7 +103,7 @@ impl Halo {
         }
         let received = comm.transpose(&counts);
         self.ghosts = received.iter().sum::<u64>() as usize;
-        // Ids travel as numbers: exact below 2^53.
+        // Ids are sent as doubles, which are exact below 2^53.
         let mut outgoing = Parcels::with_counts(&counts);
         let mut incoming = Parcels::with_counts(&received);
         for (slot, &i) in outgoing.data.iter_mut().zip(&self.picks) {
@@ -112,12 +117,14 @@ impl Halo {
         ghost_ids
     }
 
-    /// Nobody has ghosts of this rank's particles, nor this rank any of theirs.
+    /// Whether this rank neither sends nor receives ghosts.
     pub fn is_idle(&self) -> bool {
         self.outgoing.ranks.is_empty() && self.incoming.ranks.is_empty()
     }
 
-    /// Makes parcels of the particles that are ghosts elsewhere: `picked(k, i)` is pick `k`, owned particle `i`.
+    /// Packs the particles that are ghosts on other ranks into parcels.
+    ///
+    /// `picked(k, i)` returns the state of the owned particle `i`, which is number `k` of [`Self::picks`].
     pub fn pack<'y, W: Spin>(&mut self, picked: impl Fn(usize, usize) -> &'y Motion<W> + Sync) {
         let rows = Rows { numbers: &mut self.outgoing.data, width: Motion::<W>::COMPONENTS };
         let pack = |first: usize, (rows, picks): (Rows, &[u32])| {
@@ -128,13 +135,15 @@ impl Halo {
         threads::parts(self.picks.len(), GRAIN, (rows, &self.picks[..]), &pack, &|(), ()| ());
     }
 
-    /// Sends what `pack` made, and does `work` while the ghosts are under way; `deliver` brings them. Collective for ranks
-    /// that are partners.
+    /// Exchanges the parcels that `pack` filled, and does `work` during the exchange. Collective for partner
+    /// ranks.
+    ///
+    /// `deliver` then stores the ghosts that were received.
     pub fn exchange_during(&mut self, comm: &dyn Comm, work: &mut dyn FnMut()) {
         comm.exchange_during(&self.outgoing, &mut self.incoming, work);
     }
 
-    /// Brings the ghosts up to date with what the last exchange received.
+    /// Stores the states that the last exchange received in `ghosts`, one for each ghost.
     pub fn deliver<W: Spin>(&self, ghosts: &mut [Motion<W>]) {
         let width = Motion::<W>::COMPONENTS;
         threads::for_chunks(ghosts, GRAIN, |first, ghosts| {
@@ -143,14 +152,14 @@ impl Halo {
         });
     }
 
-    /// Brings the ghosts up to date with their owners' `y`. Collective for ranks that are partners.
+    /// Refreshes `ghosts` with the states `y` of their owners. Collective for partner ranks.
     pub fn refresh<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], ghosts: &mut [Motion<W>]) {
         self.pack(|_, i| &y[i]);
         self.exchange_during(comm, &mut || ());
         self.deliver(ghosts);
     }
 
-    /// Fresh storage for the ghosts.
+    /// New storage for the ghosts of this rank.
     pub fn room<W: Spin>(&self) -> Vec<Motion<W>> {
         vec![Motion::zero(); self.ghosts]
     }
@@ -173,7 +182,8 @@ mod tests {
 
     #[test]
     fn ghosts_are_all_particles_of_other_ranks_within_reach() {
-        // Layers of 0.1 m, one to each rank: thinner than the reach, so partners are not only next slabs.
+        // Layers of 0.1 m, one for each rank. They are thinner than the cutoff, so partners may be further
+        // away than the next slab.
         for ranks in [1, 2, 4, 5] {
             team(ranks, |comm| {
                 let body = |id: u64| Motion {
@@ -199,7 +209,7 @@ mod tests {
                     .collect();
                 expected.sort_by_key(|&id| (owner(id), id));
                 assert_eq!(ghost_ids, expected);
-                // What owners change arrives.
+                // A refresh delivers what the owners have changed.
                 y.iter_mut().for_each(|body| body.v.x = 7.0);
                 let mut ghosts = halo.room();
                 halo.refresh(comm, &y, &mut ghosts);

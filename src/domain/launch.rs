@@ -1,5 +1,5 @@
-//! How the program was started: which rank of which MPI, how many cores and threads, and what ends all ranks when
-//! one of them fails.
+//! How the program was started and how it prints: the launcher and its ranks, threads and cores, memory, and
+//! messages that ranks do not mix.
 
 use crate::domain::{Comm, world};
 use crate::error::Error;
@@ -8,11 +8,11 @@ use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-/// Variables by which launchers tell a process how many of it there are.
+/// Environment variables in which launchers give the number of ranks.
 const WORLD_SIZE: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "MPI_LOCALNRANKS"];
-/// Variables by which launchers tell a process which one it is.
+/// Environment variables in which launchers give the rank of this process.
 const WORLD_RANK: [&str; 4] = ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "MPI_LOCALRANKID"];
-/// The same of srun, which does not tell whether the tasks of a step are to be ranks of one job.
+/// The same for srun, which sets them for every step: they do not show that its tasks are ranks of one job.
 const SLURM_STEP_SIZE: &str = "SLURM_STEP_NUM_TASKS";
 const SLURM_RANK: &str = "SLURM_PROCID";
 
@@ -20,17 +20,22 @@ fn number(names: &[&str]) -> Option<usize> {
     names.iter().find_map(|name| std::env::var(name).ok()?.parse().ok())
 }
 
-/// Whether this process speaks for the job before MPI has started.
+/// Whether this process prints messages for the whole job before MPI has started.
+///
+/// It does if it is rank 0, or if no launcher gives a rank.
 pub fn speaks_first() -> bool {
     number(&WORLD_RANK).is_none_or(|rank| rank == 0)
 }
 
-/// Refuses to run when the launcher belongs to another MPI than the program, or the program was built without: it would
-/// run as many times as there are ranks, and every copy would write the same file. The first copy says so.
+/// Fails if the launcher started another number of ranks than the `world_size` that the program sees.
+///
+/// That happens if the launcher belongs to another MPI than the program, or if the program was built without
+/// MPI. Each rank would run the whole scene and write the same file. The first one reports the error.
 pub fn check_launcher(world_size: usize) -> Result<(), Error> {
     let told = match number(&WORLD_SIZE) {
         Some(size) => [Some(size), number(&WORLD_RANK)],
-        // srun sets these for every step. Where MPI has found its ranks they are as many, or parts of a larger job.
+        // srun sets these for every step. They count only if MPI sees a single rank: with several, MPI works,
+        // and the numbers may be those of a larger job.
         None => [SLURM_STEP_SIZE, SLURM_RANK].map(|name| number(&[name]).filter(|_| world_size == 1)),
     };
     match told {
@@ -45,19 +50,21 @@ pub fn check_launcher(world_size: usize) -> Result<(), Error> {
     }
 }
 
-/// Prints with a single write, so that lines of several ranks never mix.
+/// Prints a line to stderr with a single write, so that the lines of several ranks never mix.
 pub fn say(text: &str) {
-    // Nobody is left to tell when stderr is gone.
+    // If stderr is closed, there is nowhere to report that.
     let _ = std::io::stderr().write_all(format!("{}\n", text.trim_end()).as_bytes());
 }
 
-/// Prints to stdout; a reader that has left, like `head`, is no failure.
+/// Prints to stdout. A reader that has gone, such as `head`, is not an error.
 pub fn print(text: &str) {
     let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
-/// Makes a panic one message that names the rank. Worker threads only print: MPI belongs to the main thread, which
-/// ends the job when the panic reaches it. Several threads may panic at once; one message is enough.
+/// Makes a panic print one message that names the rank.
+///
+/// The panicking thread only prints. Only the main thread may call MPI; it aborts the job when the panic
+/// reaches it. If several threads panic, the first one prints.
 pub fn report_panics(rank: usize) {
     let told = AtomicBool::new(false);
     std::panic::set_hook(Box::new(move |panic| {
@@ -77,17 +84,20 @@ pub fn report_panics(rank: usize) {
 
 /// The threads of this rank.
 pub struct Threads {
-    /// How many, the calling one among them.
+    /// Number of threads, including the calling one.
     pub count: usize,
-    /// Whether the ranks of this machine leave each of them a core.
+    /// Whether there is a core for each of them, given the other ranks on this machine.
     pub have_cores: bool,
-    /// What to say where the rank is bound to a single core while others idle.
+    /// A warning to print if this rank is bound to a single core while other cores are free.
     pub warning: Option<String>,
 }
 
-/// Starts the threads of this rank: `--threads`, else RAYON_NUM_THREADS, else the cores that the ranks of this machine
-/// may use divided by their number. The calling thread is one of them, so that loops start without a hand-over.
-/// Collective.
+/// Starts the threads of this rank. Collective.
+///
+/// Their number is `wanted` (`--threads`), else RAYON_NUM_THREADS, else the share of this rank: the cores
+/// that the ranks of this machine may use, divided by the number of these ranks.
+///
+/// The calling thread is one of them, so that a loop can start on it at once.
 pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<Threads, Error> {
     let own = usable_cores();
     let mut all: Vec<f64> = own.iter().map(|&usable| f64::from(u8::from(usable))).collect();
@@ -96,7 +106,7 @@ pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<Threads, 
     let (own, all) =
         (count(own.iter().filter(|&&usable| usable).count()), count(all.iter().sum::<f64>() as usize));
     let ranks = comm.ranks_on_node();
-    // A container may allow fewer cores at a time than it shows.
+    // A container may show more cores than it allows to be used at a time.
     let allowed = thread::available_parallelism().map_or(own, usize::from);
     let quota = if allowed < own { allowed } else { all };
     let share = (quota.min(all) / ranks).clamp(1, own);
@@ -110,20 +120,22 @@ pub fn start_threads(comm: &dyn Comm, wanted: Option<usize>) -> Result<Threads, 
     let bound = number(&WORLD_SIZE).is_some() && own == 1 && online_cores() > ranks;
     let warning = bound.then(|| {
         format!(
-            "warning: this rank may use 1 of {} cores: mpirun binds each rank to one core unless told otherwise \
-             (OMPI_MCA_hwloc_base_binding_policy=none, or source launch/env.sh)",
+            "warning: this rank may use 1 of {} cores: mpirun binds each rank to one core unless told \
+             otherwise (OMPI_MCA_hwloc_base_binding_policy=none, or source launch/env.sh)",
             online_cores()
         )
     });
     Ok(Threads { count: threads, have_cores: threads <= share, warning })
 }
 
-/// What to say where ranks sit on machines of different instruction sets, of which `common` is the one that all use.
+/// A warning if ranks run on machines with different instruction sets.
+///
+/// `common` is the set that all ranks use, `widest` the widest that any rank could use.
 pub fn mixed_machines_warning(common: InstructionSet, widest: InstructionSet) -> Option<String> {
     (common != widest).then(|| {
         format!(
-            "warning: some ranks run {} instructions, others only {}: all use {}, which may be slower; equal bits are \
-             tested for ranks on machines of one type",
+            "warning: some ranks run {} instructions, others only {}: all use {}, which may be slower; equal \
+             bits are tested for ranks on machines of one type",
             widest.name(),
             common.name(),
             common.name()
@@ -137,7 +149,7 @@ fn usable_cores() -> Vec<bool> {
     (0..rustix::thread::CpuSet::MAX_CPU).map(|core| set.is_set(core)).collect()
 }
 
-/// Cores of this machine, whatever this process is bound to.
+/// Number of cores of this machine, whether or not this process may use them.
 fn online_cores() -> usize {
     let list = std::fs::read_to_string("/sys/devices/system/cpu/online").unwrap_or_default();
     let count = |range: &str| {
@@ -147,13 +159,13 @@ fn online_cores() -> usize {
     list.trim().split(',').filter_map(count).sum::<usize>().max(1)
 }
 
-/// Physical memory of this machine, bytes; none where the system does not tell.
+/// Physical memory of this machine, bytes.
 pub fn physical_memory() -> u64 {
     let info = rustix::system::sysinfo();
     info.totalram as u64 * u64::from(info.mem_unit)
 }
 
-/// Largest memory that this process has held, bytes; 0 where the system does not tell.
+/// Peak memory of this process, bytes; 0 if the system does not report it.
 pub fn peak_memory() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

@@ -1,4 +1,4 @@
-//! Particles move to the rank that owns their height; none is ever lost unnoticed.
+//! Migration: particles move to the rank that owns their height. A census finds lost and duplicated ones.
 
 use super::slabs::Slabs;
 use super::{Comm, Parcels};
@@ -6,7 +6,7 @@ use crate::error::Error;
 use crate::math::vector::Vec3;
 use crate::model::particle::{Motion, Spin};
 
-/// What the ids of all particles add up to; compared after every migration.
+/// Checksums over the ids of all particles. They are compared after every migration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Census {
     count: u64,
@@ -15,7 +15,7 @@ pub struct Census {
 }
 
 impl Census {
-    /// Counts the particles of all ranks. Collective.
+    /// Takes the census of all ranks, where `ids` are those that this rank owns. Collective.
     pub fn take(comm: &dyn Comm, ids: &[u64]) -> Self {
         let mut sums = [ids.len() as u64, 0, 0];
         for &id in ids {
@@ -31,12 +31,14 @@ impl Census {
         self.count
     }
 
-    /// Counts again; if anything differs, finds a lost or duplicated id. Ids are 0..count. Collective.
+    /// Takes the census again. If it differs, names the lowest id that is lost or duplicated. Collective.
+    ///
+    /// Ids must be 0..count. `t` (s) is the time for the error message.
     pub fn check(&self, comm: &dyn Comm, ids: &[u64], t: f64) -> Result<(), Error> {
         if Census::take(comm, ids) == *self {
             return Ok(());
         }
-        // Every rank counts the ids of its own block.
+        // Each rank counts the occurrences of the ids in its own block.
         let block = self.count.div_ceil(comm.size() as u64).max(1);
         let home = |id: u64| ((id / block) as usize).min(comm.size() - 1);
         let mut counts = vec![0; comm.size()];
@@ -56,7 +58,7 @@ impl Census {
                 *times += 1;
             }
         }
-        // The lowest wrong id of all ranks, by the maximum of its negative; +1/2 marks a duplicate.
+        // The lowest wrong id of all ranks: the maximum of the negative ids. An added 1/2 marks a duplicate.
         let wrong = seen.iter().position(|&times| times != 1);
         let mark = |k: usize| (first + k as u64) as f64 + if seen[k] > 1 { 0.5 } else { 0.0 };
         let mut lowest = [wrong.map_or(f64::NEG_INFINITY, |k| -mark(k))];
@@ -67,7 +69,7 @@ impl Census {
     }
 }
 
-/// Mixes the bits of an id (the finaliser of SplitMix64), so that errors do not cancel in a sum.
+/// Mixes the bits of an id, so that errors do not cancel in a sum: the finaliser of SplitMix64.
 pub fn scramble(id: u64) -> u64 {
     let mut z = id.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -75,8 +77,10 @@ pub fn scramble(id: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Sends every particle to the owner of its height and sorts what this rank owns by id. `y` decides; each list of
-/// `companions`, as long as `y`, moves along. Collective.
+/// Sends each particle to the rank that owns its height. Collective.
+///
+/// `ids` and the states `y` are those of the owned particles; the positions in `y` decide. Each list of
+/// `companions` is as long as `y` and moves along. Particles that arrive are appended; the caller sorts them.
 pub fn migrate<W: Spin>(
     comm: &dyn Comm,
     slabs: &Slabs,
@@ -95,7 +99,7 @@ pub fn migrate<W: Spin>(
         let mut leaving: Vec<usize> = (0..y.len()).filter(|&i| owners[i] != comm.rank()).collect();
         leaving.sort_by_key(|&i| owners[i]);
         for (slots, &i) in outgoing.data.chunks_exact_mut(width).zip(&leaving) {
-            // Ids travel as numbers: exact below 2^53.
+            // Ids are sent as doubles, which are exact below 2^53.
             slots[0] = ids[i] as f64;
             let (own, others) = slots[1..].split_at_mut(components);
             y[i].pack(own);
@@ -119,7 +123,7 @@ pub fn migrate<W: Spin>(
     }
 }
 
-/// Sorts particles, with what belongs to them, by the key of their position (m) and id.
+/// Sorts the owned particles by a key made of position (m) and id. The lists of `companions` move along.
 pub fn sort<W: Spin, K: Ord>(
     key: impl Fn(&Vec3, u64) -> K,
     ids: &mut Vec<u64>,

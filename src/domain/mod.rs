@@ -1,4 +1,4 @@
-//! How the particles are spread over ranks: slabs along an axis, ghosts beyond them, migration between them.
+//! Domain decomposition: ranks own slabs of space, exchange ghosts, and pass particles on.
 
 pub mod agreement;
 pub mod comm;

@@ -1,31 +1,35 @@
-//! Particles in the order of their ids, in equal blocks over the ranks: what a frame of the output holds.
+//! Particles in the order of their ids, as a frame stores them. Each rank handles an equal block of ids.
 
 use super::{Comm, Parcels};
 use crate::model::particle::{Motion, Spin};
 use crate::threads::{self, GRAIN};
 use std::ops::Range;
 
-/// The ids that `rank` of `size` ranks writes, of `count` in all.
+/// The block of ids that `rank` writes, out of `count` ids and `size` ranks.
 pub fn block(count: u64, rank: usize, size: usize) -> Range<u64> {
     let length = count.div_ceil(size as u64);
     let start = |rank: usize| (length * rank as u64).min(count);
     start(rank)..start(rank + 1)
 }
 
-/// The states of a block of ids in order, those that this rank owns left where they are in memory.
+/// The states of this rank's block of ids, in id order.
+///
+/// States that this rank owns are borrowed, not copied.
 #[derive(Debug)]
 pub struct ById<'a, W> {
     own: &'a [Motion<W>],
     guests: Vec<Motion<W>>,
-    /// Of every id of the block: its index in `own`, or beyond that in `guests`.
+    /// For each id of the block: its index in `own`, or the length of `own` plus its index in `guests`.
     slots: Vec<u32>,
 }
 
 impl<'a, W: Spin> ById<'a, W> {
-    /// Of this rank's block, where this rank owns the particles `ids` with the states `y`. Every id must be owned by
-    /// exactly one rank. Collective.
+    /// Collects the states of this rank's block from their owners. Collective.
+    ///
+    /// This rank owns the particles `ids` with the states `y`. Each id below `count` must be owned by exactly
+    /// one rank.
     pub fn new(comm: &dyn Comm, count: u64, ids: &[u64], y: &'a [Motion<W>]) -> Self {
-        // Asked once: MPI takes its time for an answer, a million times.
+        // Called once: the loops below would call MPI for each particle.
         let rank = comm.rank();
         let block = block(count, rank, comm.size());
         let length = count.div_ceil(comm.size() as u64).max(1);
@@ -38,7 +42,7 @@ impl<'a, W: Spin> ById<'a, W> {
         let mut order: Vec<usize> = (0..ids.len()).filter(|&i| home(ids[i]) != rank).collect();
         order.sort_by_key(|&i| home(ids[i]));
         for (numbers, &i) in outgoing.data.chunks_exact_mut(width).zip(&order) {
-            // Ids travel as numbers: exact below 2^53.
+            // Ids are sent as doubles, which are exact below 2^53.
             numbers[0] = ids[i] as f64;
             y[i].pack(&mut numbers[1..]);
         }
@@ -54,7 +58,7 @@ impl<'a, W: Spin> ById<'a, W> {
         ById { own: y, guests: arrived().map(|numbers| Motion::unpack(&numbers[1..])).collect(), slots }
     }
 
-    /// What `of` makes of each state, by the threads of this rank.
+    /// `of` of each state in id order, computed by the threads of this rank.
     pub fn map<T: Send>(&self, of: impl Fn(&Motion<W>) -> T + Sync) -> Vec<T> {
         threads::collect(self.slots.len(), GRAIN, |i| {
             let slot = self.slots[i] as usize;
@@ -62,7 +66,7 @@ impl<'a, W: Spin> ById<'a, W> {
         })
     }
 
-    /// The states in the order of their ids.
+    /// The states in id order.
     pub fn iter(&self) -> impl Iterator<Item = &Motion<W>> {
         self.slots.iter().map(|&slot| {
             let slot = slot as usize;

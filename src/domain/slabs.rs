@@ -1,39 +1,42 @@
-//! Slabs along an axis: which rank owns which particle. Bounds follow the particles; they never touch the physics.
+//! Slabs along an axis: which rank owns which particle. Bounds follow the load and never change results.
 
 use super::Comm;
 use crate::math::vector::Vec3;
 
-/// A rank may have this many times its fair share of the work before the bounds move.
+/// The bounds move if a rank has more than this multiple of the mean load.
 const TOLERATED_IMBALANCE: f64 = 1.04;
-/// An axis along which the particles extend this many times as far as along that of the slabs takes its place.
+/// Another axis replaces that of the slabs if the particles extend this many times as far along it.
 const FLATNESS: f64 = 1.5;
-/// Rebuilds after which bounds that could not be balanced better, because heights were equal, are tried again.
+/// Number of rebuilds after which balancing is tried again if equal heights limited it the last time.
 const PATIENCE: u32 = 32;
 
-/// Bounds of the slabs of all ranks, the same on every rank.
+/// The slabs of all ranks. Every rank holds the same values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Slabs {
-    /// Across the slabs.
+    /// Axis across the slabs: 0 for x, 1 for y, 2 for z.
     axis: usize,
-    /// Rank q owns `bounds[q] <= z < bounds[q + 1]` of heights z along the axis, m; the first is -infinity, the last
-    /// +infinity.
+    /// Bounds, m, one more than ranks: rank q owns the heights z with `bounds[q] <= z < bounds[q + 1]`.
+    ///
+    /// The first is -infinity, the last +infinity.
     bounds: Vec<f64>,
-    /// Imbalance that the last move of the bounds could not remove.
+    /// Imbalance that remained after the bounds were last balanced.
     achieved: f64,
-    /// Rebuilds since then.
+    /// Number of rebuilds since then.
     age: u32,
 }
 
 impl Slabs {
-    /// Slabs along z, or along x or y where the particles, which extend as far as `sizes` (m) tells, are flat: then fewer of
-    /// them are ghosts. All belong to rank 0, until the bounds are balanced.
+    /// Slabs along z, or along x or y if the particles extend much further there: then fewer are ghosts.
+    ///
+    /// `sizes` (m) are the extents of all particles along x, y and z. Rank 0 owns everything until the bounds
+    /// are balanced.
     pub fn new(ranks: usize, sizes: [f64; 3]) -> Self {
         let mut bounds = vec![f64::INFINITY; ranks + 1];
         bounds[0] = f64::NEG_INFINITY;
         Slabs { axis: best_axis(2, sizes), bounds, achieved: 1.0, age: 0 }
     }
 
-    /// Slabs along z with these inner bounds (m, ascending), which stay where they are.
+    /// Slabs along z with fixed inner bounds (m, ascending).
     #[cfg(test)]
     pub fn with_inner_bounds(inner: &[f64]) -> Self {
         let bounds = [&[f64::NEG_INFINITY], inner, &[f64::INFINITY]].concat();
@@ -50,10 +53,12 @@ impl Slabs {
         x[self.axis]
     }
 
-    /// Changes the axis where the particles, which extend as far as `sizes` (m, the same on all ranks) tells, have become
-    /// flat along it. Returns whether it did; then the bounds must be balanced.
+    /// Changes the axis if the particles now extend much further along another one. Returns whether it did.
+    ///
+    /// `sizes` (m) are the extents of all particles along x, y and z, the same on all ranks. After a change
+    /// the bounds must be balanced.
     pub fn turn(&mut self, sizes: [f64; 3]) -> bool {
-        // Slabs that stay where they are keep their axis too.
+        // Slabs with fixed bounds keep their axis.
         let best = if self.achieved.is_finite() { best_axis(self.axis, sizes) } else { self.axis };
         std::mem::replace(&mut self.axis, best) != best
     }
@@ -64,14 +69,15 @@ impl Slabs {
         inner.partition_point(|&bound| bound <= z)
     }
 
-    /// Lower and upper bound of a rank's slab, m.
+    /// Lower and upper bound of the slab of `rank`, m.
     pub fn of(&self, rank: usize) -> (f64, f64) {
         (self.bounds[rank], self.bounds[rank + 1])
     }
 
-    /// Moves the bounds to equal loads if some rank has too much. `particles` are the height (m) and the load of every
-    /// owned particle, `loads[q]` is the sum that rank q has now. Collective, and every rank decides alike. Returns
-    /// whether the bounds moved.
+    /// Balances the bounds if a rank has too much load. Returns whether it did. Collective.
+    ///
+    /// `particles` gives the height (m) and the load of each owned particle. `loads[q]` is the present load
+    /// of rank q, the same on all ranks, so that all decide alike.
     pub fn follow(
         &mut self,
         comm: &dyn Comm,
@@ -87,8 +93,10 @@ impl Slabs {
         true
     }
 
-    /// Moves the bounds so that every rank has the same load to within a thousandth of it, as far as equal heights and
-    /// single particles allow. `particles` are the height (m) and the load of every owned particle. Collective.
+    /// Moves the bounds so that all ranks have the same load. Collective.
+    ///
+    /// Each bound is exact to a thousandth of a rank's load, as far as equal heights and single particles
+    /// allow. `particles` gives the height (m) and the load of each owned particle.
     pub fn balance(&mut self, comm: &dyn Comm, particles: impl Iterator<Item = (f64, u64)>) {
         let ranks = comm.size();
         if ranks == 1 {
@@ -96,7 +104,7 @@ impl Slabs {
         }
         let mut particles: Vec<(f64, u64)> = particles.collect();
         particles.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        // Load of all particles before each in the order of heights, and of all.
+        // Sums of the loads, in the order of heights: before each particle, and of all particles.
         let mut load_below = vec![0];
         for (_, load) in &particles {
             load_below.push(load_below[load_below.len() - 1] + load);
@@ -107,8 +115,8 @@ impl Slabs {
         let wanted: Vec<u64> =
             (1..ranks as u128).map(|q| (u128::from(total) * q / ranks as u128) as u64).collect();
         let close = total / (1000 * ranks as u64);
-        // Bisection on the bit patterns of all inner bounds at once: 64 rounds find any double, however far the
-        // furthest particle is, and a load that is met ends the search of its bound.
+        // Bisection of all inner bounds at once, on their bit patterns: 64 rounds find any double, however
+        // far apart the particles are. The search of a bound ends when its load is met.
         let mut low = vec![ordered(f64::NEG_INFINITY); ranks - 1];
         let mut high = vec![ordered(f64::INFINITY); ranks - 1];
         let mut below = vec![0; ranks - 1];
@@ -143,25 +151,25 @@ impl Slabs {
     }
 }
 
-/// Largest load over the mean load; 1 is perfect.
+/// Largest load divided by the mean load; 1 is perfect balance.
 pub fn imbalance(loads: &[u64]) -> f64 {
     let total: u64 = loads.iter().sum();
     let largest = loads.iter().copied().max().unwrap_or(0);
     if total == 0 { 1.0 } else { largest as f64 * loads.len() as f64 / total as f64 }
 }
 
-/// Doubles as integers in the same order.
+/// A double as an integer, in the same order as the doubles.
 fn ordered(x: f64) -> u64 {
     let bits = x.to_bits();
     if bits >> 63 == 1 { !bits } else { bits | 1 << 63 }
 }
 
-/// Inverse of `ordered`.
+/// The double of such an integer: the inverse of `ordered`.
 fn value(order: u64) -> f64 {
     f64::from_bits(if order >> 63 == 1 { order & !(1 << 63) } else { !order })
 }
 
-/// The axis along which the particles extend furthest, if that is much further than along `axis`.
+/// The axis of the largest extent, if that is much larger than the extent along `axis`; else `axis`.
 fn best_axis(axis: usize, sizes: [f64; 3]) -> usize {
     let longest = (0..3).fold(axis, |a, b| if sizes[b] > sizes[a] { b } else { a });
     if sizes[longest] > FLATNESS * sizes[axis] { longest } else { axis }
@@ -194,7 +202,7 @@ mod tests {
         }
     }
 
-    /// Particles of one load.
+    /// Particles at the heights `z` with equal loads.
     fn alike(z: &[f64]) -> impl Iterator<Item = (f64, u64)> + '_ {
         z.iter().map(|&z| (z, 1))
     }
@@ -203,7 +211,7 @@ mod tests {
     fn bounds_share_the_load_and_not_the_particles() {
         for ranks in 2..=4 {
             team(ranks, |comm| {
-                // The lower half of the particles has nine times the work of the upper half.
+                // Each particle of the lower half has nine times the load of one of the upper half.
                 let particles = || {
                     let load = |k: u64| if k < 5000 { 9 } else { 1 };
                     (0..10_000).skip(comm.rank()).step_by(ranks).map(move |k| (k as f64, load(k)))
@@ -227,7 +235,7 @@ mod tests {
     fn bounds_give_every_rank_its_share() {
         for ranks in 2..=5 {
             team(ranks, |comm| {
-                // Rank 0 holds everything, one particle is very far away.
+                // Rank 0 owns everything, and one particle is very far away.
                 let z: Vec<f64> = match comm.rank() {
                     0 => {
                         (0..1000).map(|k| if k == 77 { -1e200 } else { f64::from(k % 500).sqrt() }).collect()
@@ -256,7 +264,7 @@ mod tests {
             let owner = slabs.owner(1.0);
             assert!(owner < 3);
             assert!(!slabs.follow(comm, alike(&z), &[0, 60, 0]));
-            // Once they have spread, the bounds follow all the same.
+            // When the particles have spread, the bounds follow.
             let spread: Vec<f64> = (0..z.len()).map(|k| k as f64).collect();
             assert!((0..PATIENCE).any(|_| slabs.follow(comm, alike(&spread), &[0, 60, 0])));
             let mut owned = vec![0; 3];

@@ -1,4 +1,6 @@
-//! A scene and its particles, read once and the same on every rank, and the memory that they will take.
+//! Loading of a scene and its particles, and an estimate of the memory that they need.
+//!
+//! Rank 0 reads the files. All ranks get the same scene and the same particles.
 
 use super::simulation::state_vectors;
 use crate::domain::agreement::{agree, share};
@@ -9,8 +11,9 @@ use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 use std::path::Path;
 
-/// Reads the scene `path` and its particles on rank 0 and checks them, with the `--set` options `sets`, on every rank
-/// alike. Collective.
+/// Reads the scene file `path` and its particles on rank 0, and checks both on every rank. Collective.
+///
+/// `sets` are the `--set` options; they apply on every rank.
 pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, InitialCondition), Error> {
     let text = share(comm, || {
         let unreadable = |why| Error::Input(format!("{}: the scene cannot be read: {why}", path.display()));
@@ -20,7 +23,7 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
     })?;
     let name = path.to_string_lossy();
     let mut scene = Scene::parse(&name, &text, sets)?;
-    // 63 bits: what a TOML integer holds, so that the recorded scene can be read again.
+    // A TOML integer holds 63 bits. With a longer seed the scene in the run file could not be read again.
     let seed = share(comm, || Ok((rand::random::<u64>() >> 1).to_string()))?;
     scene.set_seed_if_missing(seed.parse().expect("it was printed as a number"));
     let start = match &scene.particles.grid {
@@ -44,7 +47,7 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
     Ok((scene, start))
 }
 
-/// The particles of rank 0 on every rank. Collective.
+/// Copies the particles that rank 0 has in `own` to every rank. Collective.
 pub fn share_start(comm: &dyn Comm, own: InitialCondition) -> InitialCondition {
     let both = |list: Vec<[f64; 3]>| {
         let mut bytes: Vec<u8> = list.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
@@ -58,33 +61,36 @@ pub fn share_start(comm: &dyn Comm, own: InitialCondition) -> InitialCondition {
     InitialCondition { x: both(own.x), v: both(own.v), omega: both(own.omega) }
 }
 
-/// Pairs a particle has on its lists in a packed bed, about.
+/// Listed pairs per particle in a packed bed, approximately.
 const LISTED_PAIRS: f64 = 13.0;
-/// Of these, pairs near enough to be evaluated, about.
+/// Near pairs per particle in a packed bed, approximately: the listed pairs that are evaluated.
 const NEAR_PAIRS: f64 = 8.5;
 
-/// Memory of the start of one particle, which every rank holds for all, bytes.
+/// Memory of the initial condition of one particle, bytes. Every rank holds that of all particles.
 pub const START_BYTES: u64 = 72;
 
-/// Memory of the solver for one particle, bytes, about: states, slopes and lists in a packed bed.
+/// Approximate memory of the solver for one particle in a packed bed, bytes: states, slopes and lists.
 pub fn bytes_per_particle(scene: &Scene) -> u64 {
     let components = if scene.rotates() { 9.0 } else { 6.0 };
-    // Those of the method, and the one that forces are evaluated at; three old places and an id.
+    // The state vectors of the method, and the bodies at which forces are evaluated; then three earlier
+    // positions (24 bytes each) and an id.
     let states = (state_vectors(scene) + 1) as f64 * 8.0 * components + 3.0 * 24.0 + 8.0;
     (states + 8.0 * (LISTED_PAIRS + NEAR_PAIRS)) as u64
 }
 
-/// Refuses a scene of `count` particles that this machine cannot hold. Collective.
+/// Refuses a scene of `count` particles that does not fit into the memory of this machine. Collective.
+///
+/// Accepts any scene if the size of the memory is unknown.
 pub fn check_memory(comm: &dyn Comm, scene: &Scene, count: u64) -> Result<(), Error> {
-    // Every rank holds the start of all particles and the solver's part of its own.
+    // Every rank holds the initial condition of all particles, and solver memory only for its own.
     let here = comm.ranks_on_node() as u64;
     let own = count.div_ceil(comm.size() as u64).saturating_mul(bytes_per_particle(scene));
     let needed = count.saturating_mul(START_BYTES).saturating_add(own).saturating_mul(here);
     let there = launch::physical_memory();
     if there > 0 && needed > there {
         return Err(Error::Input(format!(
-            "{count} particles need about {} on each machine, and this one has {}: fewer particles or more machines \
-             would do",
+            "{count} particles need about {} on each machine, and this one has {}: fewer particles or more \
+             machines would do",
             digits::bytes(needed),
             digits::bytes(there)
         )));

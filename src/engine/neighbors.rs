@@ -1,4 +1,13 @@
-//! Who may touch whom: a cell grid finds pairs within reach, lists remember them until a particle outruns the skin.
+//! Neighbour lists: which particles may touch each other, and which walls they may touch.
+//!
+//! A grid of cells finds all pairs within a cutoff. The cutoff includes a skin, so the lists stay valid until
+//! a particle has moved by half the skin.
+//!
+//! The owned particles of a rank are divided into blocks, each with its own lists, see [`Block`]. A particle
+//! is known by three numbers: its id in the whole system, its local index on a rank, and its slot in a block.
+//!
+//! Local indices begin with the owned particles, in summation order; the ghosts of the rank follow. Slots
+//! begin with the own particles of the block, in the same order; the ghosts of the block follow.
 
 use crate::math::vector::Vec3;
 use crate::model::particle::Motion;
@@ -6,13 +15,18 @@ use crate::model::wall::Wall;
 use crate::threads;
 use std::ops::Range;
 
-/// Particles sorted into cells as wide as the reach. The table wraps around, so that its size follows the number of
-/// particles and not the distance between the furthest two.
+/// Particles sorted into cubic cells as wide as the cutoff.
+///
+/// The table of cells is periodic: cells far from each other may share a bucket. So its size depends on the
+/// number of particles, not on the distance between the furthest two.
 struct Cells {
+    /// Width of a cell, m.
     width: f64,
+    /// Number of buckets along each axis.
     dims: [i64; 3],
     /// Start of each bucket in `items`; one more than there are buckets.
     start: Vec<u32>,
+    /// Local indices of the particles, bucket after bucket.
     items: Vec<u32>,
 }
 
@@ -60,10 +74,11 @@ impl Cells {
         ((wrap(2) * self.dims[1] + wrap(1)) * self.dims[0] + wrap(0)) as usize
     }
 
-    /// Calls `visit` for every particle in the cells around `x`, once each, in no order that matters.
+    /// Calls `visit` once for every particle in the cell of `x` (m) and in the cells around it, in any order.
     fn for_each_near(&self, x: &Vec3, mut visit: impl FnMut(u32)) {
         let c = self.coordinates(x);
-        // Offsets that lead to different buckets: in a table of one or two cells some wrap onto each other.
+        // Only offsets that lead to different buckets. Along an axis of one or two buckets, some of the three
+        // offsets would wrap around to the same one.
         let offsets = |axis: usize| match self.dims[axis] {
             1 => 0..=0,
             2 => 0..=1,
@@ -82,17 +97,25 @@ impl Cells {
     }
 }
 
-/// The cell that `x` (m) is in. Casts saturate: a particle beyond 1e18 cells shares the last one.
+/// Cell of a coordinate `x` (m) along one axis, in cells of the given `width` (m).
+///
+/// The cast saturates: all particles beyond 1e18 cells share the last one.
 fn coordinate(x: f64, width: f64) -> i64 {
     ((x / width).floor() as i64).clamp(-(1 << 60), 1 << 60)
 }
 
-/// Where a particle stands in the order in which forces are summed: by the cell that it was in when the lists were
-/// built, then by id. All ranks agree on it, so sums have the same bits everywhere; and what is close in space is close
-/// in memory.
+/// Sort key of a particle in the summation order.
+///
+/// It consists of the cell that the particle was in when the lists were built, and of its id.
+///
+/// All ranks agree on the keys, so sums of forces have the same bits everywhere. Owned particles are stored
+/// in this order: those that are close in space are close in memory.
 pub type Key = ([i64; 3], u64);
 
-/// The order of sums: cells as wide as the reach, slowest along the axis along which most of them lie.
+/// The summation order: in which order a particle adds the forces of its partners.
+///
+/// Particles are ordered by their cells, which are as wide as the cutoff. The cell number along the longest
+/// axis of the cloud varies slowest.
 #[derive(Debug, Clone, Copy)]
 pub struct Order {
     width: f64,
@@ -100,49 +123,60 @@ pub struct Order {
 }
 
 impl Order {
-    /// For a cloud of the given `sizes` (m) and lists of the given `reach` (m); both the same on all ranks.
+    /// Order for a cloud of the given `sizes` (m) and lists with the given `cutoff` (m). Both must be the
+    /// same on all ranks.
     pub fn new(sizes: [f64; 3], cutoff: f64) -> Self {
         let mut axes = [0, 1, 2];
-        // Stable: equal sizes keep x before y before z.
+        // The sort is stable: axes of equal size stay in the order x, y, z.
         axes.sort_by(|&a, &b| sizes[b].total_cmp(&sizes[a]));
         Order { width: cutoff, axes }
     }
 
-    /// Where particle `id` at `x` (m) stands.
+    /// Key of particle `id` at `x` (m).
     pub fn key(&self, x: &Vec3, id: u64) -> Key {
         (self.axes.map(|axis| coordinate(x[axis], self.width)), id)
     }
 }
 
-/// Pairs that are evaluated together.
+/// Number of pairs that are evaluated together.
 pub const BATCH: usize = 128;
 
-/// Contacts of a range of owned particles, as one thread evaluates them. A pair across ranges, like one across ranks, is
-/// listed in both. Bodies have places in the block: its own particles first, then its visitors.
+/// A range of the owned particles of a rank, and the lists of their contacts. One thread works on one block.
+///
+/// A block is to a thread what a slab is to a rank. It has ghosts: the particles on its lists that are not
+/// its own. They belong to other blocks, or are ghosts of the rank.
+///
+/// Lists name a body by its *slot*, which is its index in the bodies of the block: first the own particles,
+/// from 0 on, then the ghosts of the block.
+///
+/// A pair of an own particle and a ghost is also listed and evaluated where the ghost is an own particle.
 #[derive(Debug, Default)]
 pub struct Block {
-    /// The owned particles.
+    /// Local indices of the own particles.
     pub range: Range<usize>,
-    /// Places of own particles that other blocks or ranks see, ascending.
+    /// Slots of the own particles that are ghosts in other blocks or on other ranks, ascending.
     pub exported: Vec<u32>,
-    /// Places between those that are seen: all of these are at both ends.
+    /// Slots in the middle of the block, none of them exported. All exported slots are before or after these.
     pub interior: Range<usize>,
-    /// Particles of other blocks, and ghosts, that are on the lists: their local indices, ascending.
+    /// Local indices of the ghosts of the block, ascending.
     pub ghosts: Vec<u32>,
-    /// Places of pairs with a particle in `range`, each the earlier one in the order of sums first, in that order.
+    /// Slots of the listed pairs with at least one own particle, in summation order. The first particle of a
+    /// pair is the earlier one in that order.
     pub pairs: Vec<[u32; 2]>,
-    /// The pairs that may be within the cut-off before a particle has moved by half the inner skin.
+    /// Near pairs: those of `pairs` that can come within `l_max` before a particle has moved by half the
+    /// inner skin. Only these are evaluated.
     pub near: Vec<[u32; 2]>,
-    /// One more than the highest place of an own particle in every [`BATCH`] of near pairs.
+    /// For every [`BATCH`] of near pairs, one more than the highest slot of an own particle in it: how many
+    /// own bodies must be made before the batch can be evaluated.
     pub horizon: Vec<u32>,
-    /// Place of an own particle, and wall, by both.
+    /// Listed wall contacts: slot of an own particle, and number of the wall, sorted by both.
     pub walls: Vec<[u32; 2]>,
-    /// The walls that may be within the cut-off before a particle has moved by half the inner skin.
+    /// Those of `walls` that can come within `l_max` before a particle has moved by half the inner skin.
     pub near_walls: Vec<[u32; 2]>,
 }
 
 impl Block {
-    /// Local index of the body at a place.
+    /// Local index of the body in a slot.
     pub fn index(&self, slot: u32) -> usize {
         let slot = slot as usize;
         match slot.checked_sub(self.range.len()) {
@@ -151,41 +185,44 @@ impl Block {
         }
     }
 
-    /// Whether a place is that of an own particle.
+    /// Whether a slot holds an own particle, not a ghost of the block.
     pub fn owns(&self, slot: u32) -> bool {
         (slot as usize) < self.range.len()
     }
 
-    /// Local indices of the pairs whose first particle is in the block: over all blocks of all ranks every pair once.
+    /// Local indices of the listed pairs whose first particle is an own one. Over all blocks of all ranks
+    /// these are all pairs, each once.
     pub fn first_pairs(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
         let first = self.pairs.iter().filter(|[i, _]| self.owns(*i));
         first.map(|pair| pair.map(|slot| self.index(slot)))
     }
 
-    /// Local index and wall, of every wall contact.
+    /// Local index and number of the wall, for every listed wall contact.
     pub fn wall_contacts(&self) -> impl Iterator<Item = [usize; 2]> + Clone {
         self.walls.iter().map(|&[slot, wall]| [self.index(slot), wall as usize])
     }
 
-    /// Picks the pairs within `reach` (m) for `near`, and the walls within theirs (m) for `near_walls`; `bodies` by place.
+    /// Picks the listed pairs within `cutoff` (m) for `near`, and the walls within `wall_cutoff` (m) of a
+    /// centre for `near_walls`. `bodies` are those of the block, by slot.
     pub fn pick_near<W>(&mut self, bodies: &[Motion<W>], cutoff: f64, (walls, wall_cutoff): (&[Wall], f64)) {
         self.near_walls.clear();
-        // What is not a number is not far: it must show.
+        // A distance that is NaN must not count as far: the fault has to show in the forces.
         let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&bodies[i as usize].x) > wall_cutoff;
         self.near_walls.extend(self.walls.iter().copied().filter(|contact| !far(contact)));
-        // Without a branch: written always, kept by moving on.
+        // Without a branch: every pair is written, and the next one overwrites it if it is far.
         self.near.resize(self.pairs.len(), [0; 2]);
         let mut kept = 0;
         for &pair in &self.pairs {
             let apart = bodies[pair[0] as usize].x - bodies[pair[1] as usize].x;
             self.near[kept] = pair;
-            // What is not a number is not far: it must show.
+            // NaN must not count as far here either.
             let far = apart.norm_squared() > cutoff * cutoff;
             kept += usize::from(!far);
         }
         self.near.truncate(kept);
         self.horizon.clear();
-        // As much as the lists may ever ask for: near pairs are picked within steps too, where nothing is allocated.
+        // Enough for the case that all pairs are near. Near pairs are also picked within steps, where nothing
+        // may be allocated.
         self.horizon.reserve(self.pairs.len().div_ceil(BATCH));
         let own = self.range.len() as u32;
         let horizon = |pairs: &[[u32; 2]]| {
@@ -201,17 +238,22 @@ impl Block {
     }
 }
 
-/// Pairs and walls that the owned particles of a rank may touch before a particle has moved by half the skin.
+/// Neighbour lists of a rank: all pairs and walls that its owned particles can touch before a particle has
+/// moved by half the skin.
 #[derive(Debug, Default)]
 pub struct Lists {
-    /// Consecutive ranges of the owned particles.
+    /// The blocks. Their ranges are consecutive and cover the owned particles.
     pub blocks: Vec<Block>,
 }
 
 impl Lists {
-    /// Lists every pair with an owned particle whose centres are within `reach` (m), and every wall within
-    /// `wall_reach` (m) of an owned centre, in as many blocks as asked for. `x` and `keys` hold the owned particles
-    /// first, by ascending key, then the ghosts.
+    /// Lists all pairs with an owned particle whose centres are within `cutoff` (m), in this number of
+    /// `blocks`.
+    ///
+    /// `walls` holds the walls and a distance (m). Walls within that distance of an owned centre are listed
+    /// too.
+    ///
+    /// `x` (m) and `keys` hold the `owned` particles first, by ascending key, then the ghosts of the rank.
     pub fn rebuild(
         &mut self,
         x: &[Vec3],
@@ -225,7 +267,7 @@ impl Lists {
         self.rebuild_between(&bounds, x, keys, cutoff, walls);
     }
 
-    /// `rebuild` in blocks with these `bounds`, from 0 to the number of owned particles.
+    /// `rebuild` in blocks with these `bounds`, which ascend from 0 to the number of owned particles.
     pub fn rebuild_between(
         &mut self,
         bounds: &[usize],
@@ -259,7 +301,9 @@ impl Lists {
         self.blocks.iter().map(|block| block.first_pairs().count()).sum()
     }
 
-    /// Finds what is seen of every block, where other ranks see the owned particles `sent` (local indices).
+    /// Finds the exported particles and the interior of every block.
+    ///
+    /// `exports` are the local indices of the owned particles that are ghosts on other ranks.
     pub fn find_exported(&mut self, exports: impl Iterator<Item = usize>) {
         let owned = self.blocks.last().map_or(0, |block| block.range.end);
         let ghosts = self.blocks.iter().flat_map(|block| block.ghosts.iter().map(|&i| i as usize));
@@ -280,13 +324,16 @@ impl Lists {
         }
     }
 
-    /// Block of an owned particle that is seen (local index), and which of those it is.
+    /// Where to find the exported particle with local index `i` in the outboxes.
+    ///
+    /// Returns the number of its block, and its index among the exported particles of that block.
     pub fn outbox_slot(&self, i: usize) -> [u32; 2] {
         let b = self.block_of(i);
         let Block { range, exported, .. } = &self.blocks[b];
         [b as u32, exported.partition_point(|&slot| (slot as usize) < i - range.start) as u32]
     }
 
+    /// Number of the block of the owned particle with local index `i`.
     fn block_of(&self, i: usize) -> usize {
         self.blocks.partition_point(|block| block.range.end <= i)
     }
@@ -298,15 +345,19 @@ impl Lists {
 }
 
 impl Block {
-    /// `position` is that of each particle in the summation order, `order` the particle at each position.
+    /// Lists all pairs with an own particle whose centres are within `cutoff` (m).
+    ///
+    /// `position` holds the position of each particle in the summation order, by local index. `order` is its
+    /// inverse: the local index of the particle at each position.
     fn list_pairs(&mut self, x: &[Vec3], cells: &Cells, [position, order]: [&[u32]; 2], cutoff: f64) {
+        // As positions: pairs whose earlier particle is an own one, and the others.
         let (mut own, mut foreign) = (Vec::new(), Vec::new());
         for i in self.range.clone() {
             let first = own.len();
             cells.for_each_near(&x[i], |j| {
                 let j = j as usize;
                 let (here, there) = (position[i], position[j]);
-                // Both in the range: found from both sides, kept from the earlier one.
+                // A pair of two own particles is found twice. It is kept where `i` is the earlier one.
                 let earlier = here < there;
                 if j != i
                     && (earlier || !self.range.contains(&j))
@@ -331,8 +382,10 @@ impl Block {
         self.load_bodies(order);
     }
 
-    /// Makes places in the block of the places in the order of sums that the pairs have, where `order` says who stands
-    /// there.
+    /// Finds the ghosts of the block, and replaces positions by slots in `pairs`.
+    ///
+    /// Until then the pairs hold positions in the summation order. `order` has the local index at each
+    /// position.
     fn load_bodies(&mut self, order: &[u32]) {
         let (range, ghosts) = (&self.range, &mut self.ghosts);
         ghosts.clear();
@@ -353,6 +406,7 @@ impl Block {
         }
     }
 
+    /// Lists the walls that are within `cutoff` (m) of the centres of own particles.
     fn list_walls(&mut self, x: &[Vec3], (walls, cutoff): (&[Wall], f64)) {
         self.walls.clear();
         for i in self.range.clone() {
@@ -377,7 +431,8 @@ mod tests {
         (0..n).map(|_| Vec3::from_fn(|axis, _| size[axis] * (rng.random::<f64>() - 0.3))).collect()
     }
 
-    /// Lists in `blocks` blocks, and the set of listed pairs of ids, the earlier one in the order of sums first.
+    /// Lists in this number of `blocks`, and the ids of all listed pairs, the earlier in summation order
+    /// first.
     fn listed(
         x: &[Vec3],
         keys: &[Key],
@@ -413,7 +468,7 @@ mod tests {
         set
     }
 
-    /// A cloud with the keys of its particles, the first `owned` sorted by them.
+    /// A cloud with the keys of its particles. The first `owned` particles are sorted by key.
     fn keyed(n: usize, owned: usize, size: [f64; 3], seed: u64) -> (Vec<Vec3>, Vec<Key>) {
         let order = Order::new(size, 0.3);
         let x = cloud(n, size, seed).into_iter().zip(0u64..);
@@ -503,14 +558,15 @@ mod tests {
 
     #[test]
     fn a_table_for_many_particles_that_are_far_apart_does_not_overflow() {
-        // The product of its three sizes is beyond 64 bits from about a million particles on.
+        // From about a million particles on, the product of the three sizes of the table exceeds 64 bits.
         let x: Vec<Vec3> =
             (0..1_100_000).map(|k| Vec3::repeat(if k % 2 == 0 { 0.0 } else { 1e12 })).collect();
         assert!(Cells::new(&x, 0.3).start.len() <= 2 * x.len() + 65);
     }
 
-    /// Clouds: spread evenly, in clumps, on a lattice of half the reach where distances are equal to it, in one point,
-    /// and with coordinates of any size.
+    /// Clouds of many kinds: spread evenly, in clumps, in one point, and with coordinates of any size.
+    ///
+    /// Also on a lattice of half the cutoff, where some distances are equal to the cutoff.
     fn any_cloud() -> impl Strategy<Value = Vec<Vec3>> {
         let component = prop_oneof![
             4 => -1.0..1.0f64,
@@ -521,7 +577,7 @@ mod tests {
         let point = proptest::collection::vec(component, 3).prop_map(|v| Vec3::new(v[0], v[1], v[2]));
         let sizes = proptest::collection::vec(prop_oneof![Just(1.0), Just(0.0), Just(0.2), Just(4.0)], 3);
         let points = proptest::collection::vec(point, 1..90);
-        // Where one is far away the table is of another shape, so most clouds have none.
+        // A single far particle changes the shape of the table of cells, so most clouds have none.
         (sizes, points, prop_oneof![3 => Just(false), 1 => Just(true)]).prop_map(|(sizes, points, far)| {
             let coordinate = |size: f64, x: f64| {
                 if x.abs() <= 2.0 {
@@ -537,7 +593,12 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 500,
+            failure_persistence: None,
+            rng_seed: RngSeed::Fixed(1),
+            ..ProptestConfig::default()
+        })]
 
         #[test]
         fn lists_of_any_cloud_hold_the_pairs_that_brute_force_finds(
@@ -553,7 +614,8 @@ mod tests {
             all[..owned].sort_unstable_by_key(|(key, _)| *key);
             let (x, keys): (Vec<_>, Vec<_>) = all.into_iter().map(|(key, x)| (x, key)).unzip();
             let (_, found) = listed(&x, &keys, owned, cutoff, blocks);
-            // A pair at the very reach may lie two cells apart by rounding, and is a skin away from mattering.
+            // By rounding, a pair at a distance equal to the cutoff may lie two cells apart and be missed. It
+            // is a skin away from any interaction.
             let within = brute_force(&x, &keys, owned, cutoff * (1.0 - 1e-9));
             let not_beyond = brute_force(&x, &keys, owned, cutoff);
             prop_assert!(found.is_superset(&within), "missing: {:?}", within.difference(&found));

@@ -1,4 +1,4 @@
-//! Files of a run: its output, written and read, and its checkpoints.
+//! The files of a run: its output file, written and read, and its checkpoints.
 
 pub mod checkpoint;
 pub mod output;

@@ -1,4 +1,4 @@
-//! A run as its output file tells it: what every command that looks at a finished, stopped or killed run reads.
+//! Reads the output file of a run, whether that run is finished, stopped or killed.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -14,17 +14,17 @@ use crate::scene::Scene;
 pub struct RunFile {
     path: PathBuf,
     file: hdf5::File,
-    /// The scene as resolved.
+    /// The scene, with every default filled in.
     pub scene: Scene,
-    /// Complete frames; at least one.
+    /// Number of complete frames, at least one.
     pub frames: u64,
-    /// Particles.
+    /// Number of particles.
     pub count: u64,
-    /// Whether the run came to its end.
+    /// Whether the run is complete.
     pub completed: bool,
 }
 
-/// All particles at one time, by id.
+/// The state of all particles in one frame, in the order of their ids.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Number of the frame.
@@ -35,19 +35,19 @@ pub struct State {
     pub x: Vec<[f64; 3]>,
     /// Velocities, m/s.
     pub v: Vec<[f64; 3]>,
-    /// Angular velocities, 1/s, where particles have spins.
+    /// Angular velocities, 1/s; none if the scene has no rotation.
     pub omega: Option<Vec<[f64; 3]>>,
 }
 
-/// Which frames a command is about.
+/// The frames that a command reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Which {
-    /// The last complete one.
+    /// The last complete frame.
     #[default]
     Last,
-    /// All complete ones.
+    /// All complete frames.
     All,
-    /// The one of this number, from 0 on.
+    /// The frame with this number, from 0 on.
     Number(u64),
 }
 
@@ -67,7 +67,7 @@ impl FromStr for Which {
 }
 
 impl RunFile {
-    /// Opens the output file `path`.
+    /// Opens the output file `path`, which must hold at least one complete frame.
     pub fn open(path: &Path) -> Result<Self, Error> {
         let unusable = |why: String| Error::Input(format!("{}: {why}", path.display()));
         if !path.exists() {
@@ -83,12 +83,12 @@ impl RunFile {
         Ok(RunFile { path: path.to_path_buf(), file, scene, frames, count, completed })
     }
 
-    /// The file.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Numbers of the frames that `which` names.
+    /// Numbers of the frames that `which` selects.
     pub fn numbers(&self, which: Which) -> Result<Vec<u64>, Error> {
         match which {
             Which::Last => Ok(vec![self.frames - 1]),
@@ -101,7 +101,7 @@ impl RunFile {
         }
     }
 
-    /// All particles in frame `k`, one of the complete ones.
+    /// The state of all particles in frame `k`, which must be complete.
     pub fn state(&self, k: u64) -> Result<State, Error> {
         let state = output::frame(&self.file, k, self.count).map_err(|why| self.unreadable(&why))?;
         let time = self.series("time")?.get(k as usize).copied();
@@ -115,17 +115,17 @@ impl RunFile {
         })
     }
 
-    /// A column of `/run/series` that holds reals, a row for every complete frame.
+    /// A column of `/run/series` with real numbers: one row per complete frame.
     pub fn series(&self, name: &str) -> Result<Vec<f64>, Error> {
         self.column(name)
     }
 
-    /// A column of `/run/series` that holds counts, a row for every complete frame.
+    /// A column of `/run/series` with counts: one row per complete frame.
     pub fn counts(&self, name: &str) -> Result<Vec<i64>, Error> {
         self.column(name)
     }
 
-    /// What `/run` records beside the scene, by name: texts, counts, and reals in SI units.
+    /// The attributes of `/run` except the scene, as names and values. Real numbers are in SI units.
     pub fn facts(&self) -> Result<Vec<(String, String)>, Error> {
         let read = || -> hdf5::Result<Vec<(String, String)>> {
             let run = self.file.group("run")?;
@@ -149,12 +149,12 @@ impl RunFile {
             self.file.dataset(&format!("run/series/{name}")).and_then(|column| column.read_raw::<T>());
         let mut column =
             column.map_err(|why| self.unreadable(&format!("its series {name} cannot be read: {why}")))?;
-        // A killed run may have one row more.
+        // A run that was killed may have written one row too many.
         column.truncate(self.frames as usize);
         Ok(column)
     }
 
-    /// A mistake in the file or about it.
+    /// An error that names this file and says what is wrong with it, or with what is asked of it.
     pub fn unreadable(&self, why: &str) -> Error {
         Error::Input(format!("{}: {why}", self.path.display()))
     }

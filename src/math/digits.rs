@@ -1,12 +1,12 @@
-//! Numbers in few digits, for messages, tables and figures.
+//! Numbers as text in few digits, for messages, tables and figures.
 
-/// A vector in round brackets, for messages.
+/// A vector as text in round brackets, for messages: `(0.5, 1, 2)`.
 pub fn triple(vector: &[f64; 3]) -> String {
     let [x, y, z] = vector.map(short);
     format!("({x}, {y}, {z})")
 }
 
-/// Six digits are enough to find a number again.
+/// `number` in at most six significant digits, for messages: enough to find it in a file.
 pub fn short(number: f64) -> String {
     let rounded: f64 = format!("{number:.5e}").parse().unwrap_or(number);
     match rounded.abs() {
@@ -29,7 +29,9 @@ pub fn scientific(value: f64, digits: usize) -> String {
     }
 }
 
-/// `value` with `digits` significant digits, without an exponent where it is neither tiny nor huge: `3.61907`, `0.4812`.
+/// `value` with `digits` significant digits: `3.61907`, `0.4812`.
+///
+/// Magnitudes below 1e-4 and from 1e6 on get an exponent, as by [`scientific`].
 pub fn significant(value: f64, digits: usize) -> String {
     let exponent = value.abs().log10().floor();
     if value == 0.0 || !(-4.0..6.0).contains(&exponent) {
@@ -39,7 +41,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     format!("{value:.places$}")
 }
 
-/// Bytes as people read them: `1.4 GiB`.
+/// A number of bytes with a binary unit: `1.4 GiB`.
 pub fn bytes(bytes: u64) -> String {
     let units = [(40, "TiB"), (30, "GiB"), (20, "MiB"), (10, "KiB")];
     match units.iter().find(|(power, _)| bytes >> power > 0) {

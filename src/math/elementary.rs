@@ -1,20 +1,23 @@
-//! Elementary functions of the contact law, from operations that round as IEEE 754 says: no table, no branch and no
-//! library call, so the same bits on every machine with the same [`Arithmetic`], and ready for vector instructions.
+//! Elementary functions of the contact law: exponential, reciprocal and reciprocal square root.
 //!
-//! Roots and reciprocals start from one in single precision, which is several times cheaper, and double its digits by
-//! Newton's method.
+//! They use only operations whose rounding IEEE 754 defines, so every machine with the same [`Arithmetic`]
+//! gives the same bits. They have no table, no branch and no library call, so the compiler can vectorise
+//! loops over them.
+//!
+//! Reciprocals and roots start from a cheap result in single precision. A series in its error then adds the
+//! missing digits.
 
-/// How a product is added.
+/// How a product is added to a number: rounded once or twice.
 pub trait Arithmetic: Copy + Send + Sync + 'static {
     /// a b + c
     fn add_product(a: f64, b: f64, c: f64) -> f64;
 }
 
-/// Products are rounded before they are added.
+/// The product is rounded before it is added: two roundings.
 #[derive(Debug, Clone, Copy)]
 pub struct Separate;
 
-/// One rounding at the end. Slow where the processor has no instruction for it.
+/// Fused multiply-add: one rounding. Slow on a processor without an instruction for it.
 #[derive(Debug, Clone, Copy)]
 pub struct Fused;
 
@@ -32,39 +35,41 @@ impl Arithmetic for Fused {
     }
 }
 
-/// The larger of `x` and `low`, `x` where it is not a number.
+/// The larger of `x` and `low`; NaN if `x` is NaN.
 #[inline(always)]
 pub fn at_least(low: f64, x: f64) -> f64 {
     if low > x { low } else { x }
 }
 
-/// The smaller of `x` and `high`, `x` where it is not a number.
+/// The smaller of `x` and `high`; NaN if `x` is NaN.
 #[inline(always)]
 pub fn at_most(high: f64, x: f64) -> f64 {
     if high < x { high } else { x }
 }
 
-/// e^x within 2 ulp. Below -708 it is e^-708 = 3e-308, above 709 +infinity.
+/// e^x within 2 ulp. Below x = -708 the result is e^-708 = 3e-308, above x = 709 it is +infinity; NaN gives
+/// NaN.
 #[inline(always)]
 pub fn exp<A: Arithmetic>(x: f64) -> f64 {
     let y = exp_within::<A>(at_most(709.0, at_least(-708.0, x)));
     if x > 709.0 { f64::INFINITY } else { y }
 }
 
-/// e^x within 2 ulp for x in -708..709; NaN where x is.
+/// e^x within 2 ulp, for x in -708..709; NaN gives NaN.
 #[inline(always)]
 pub fn exp_within<A: Arithmetic>(x: f64) -> f64 {
     const LOG2_E: f64 = std::f64::consts::LOG2_E;
-    // ln 2 in two parts; the high one has 32 trailing zero bits, so k * LN2_HIGH is exact.
+    // ln 2 as a sum of two numbers. The high one has 32 trailing zero bits, so k * LN2_HIGH is exact.
     const LN2_HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
     const LN2_LOW: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
-    // Adding and subtracting 1.5 * 2^52 rounds to the nearest integer.
+    // Adding and then subtracting 1.5 * 2^52 rounds to the nearest integer.
     const ROUND: f64 = 6755399441055744.0;
     let shifted = A::add_product(x, LOG2_E, ROUND);
     let k = shifted - ROUND;
     let s = A::add_product(-k, LN2_LOW, A::add_product(-k, LN2_HIGH, x));
-    // (e^s - 1 - s)/s^2 by its interpolation at the ten Chebyshev points of |s| <= ln(2)/2; e^s comes out within 1.6e-17
-    // of itself, beside rounding. Even and odd powers apart shorten the chain.
+    // The polynomial that interpolates (e^s - 1 - s)/s^2 at the ten Chebyshev points of |s| <= ln(2)/2. Apart
+    // from rounding, it gives e^s with a relative error of 1.6e-17. Even and odd powers are summed
+    // separately, which shortens the chain of operations that wait for each other.
     let s2 = s * s;
     let power = |c: f64, sum: f64| A::add_product(s2, sum, c);
     let even = power(
@@ -82,25 +87,26 @@ pub fn exp_within<A: Arithmetic>(x: f64) -> f64 {
         ),
     );
     let p = 1.0 + A::add_product(s2, A::add_product(s, odd, even), s);
-    // Times 2^k, by adding k to the exponent: it is in the lowest bits of `shifted`. A conversion to an integer would not
-    // be a vector instruction everywhere.
+    // Multiply by 2^k: add k to the exponent. The lowest bits of `shifted` hold k. A conversion to an integer
+    // would not be a vector instruction on every machine.
     f64::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 52))
 }
 
-/// 1/x within 2 ulp, for magnitudes of 1e-38..1e38; 0 and what is not a number give what is not finite.
+/// 1/x within 2 ulp, for |x| in 1e-38..1e38. 0 and NaN give a result that is not finite.
 #[inline(always)]
 pub fn inverse<A: Arithmetic>(x: f64) -> f64 {
     let y = f64::from(1.0 / x as f32);
-    // 1/x = y (1 + e + e^2 + ...) with |e| < 2e-7: squared it still counts, cubed it does not.
+    // 1/x = y (1 + e + e^2 + ...) with |e| < 2e-7, so the series may stop after e^2.
     let e = A::add_product(-x, y, 1.0);
     A::add_product(y, A::add_product(e, e, e), y)
 }
 
-/// 1/sqrt(x) within 2 ulp, for x of 1e-37..1e38; 0, negative numbers and what is not a number give what is not finite.
+/// 1/sqrt(x) within 2 ulp, for x in 1e-37..1e38. 0, negative numbers, infinity and NaN give a result that is
+/// not finite.
 #[inline(always)]
 pub fn inverse_root<A: Arithmetic>(x: f64) -> f64 {
     let y = f64::from(1.0 / (x as f32).sqrt());
-    // 1/sqrt(x) = y (1 + e/2 + 3/8 e^2 + ...) with |e| < 3e-7.
+    // 1/sqrt(x) = y (1 + e/2 + 3/8 e^2 + ...) with |e| < 3e-7, so the series may stop after e^2.
     let e = A::add_product(-(x * y), y, 1.0);
     A::add_product(y * e, A::add_product(0.375, e, 0.5), y)
 }

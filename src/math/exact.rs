@@ -1,18 +1,18 @@
-//! Terms of a sum as integers, which have no order: their sum has the same bits however it is split.
+//! Exact sums: terms as integers, whose sum has the same bits in any order and in any number of parts.
 
 use super::larger;
 use crate::threads::{self, GRAIN};
 
-/// How terms become integers, which have no order: by a power of two that makes 2^60 of the largest.
+/// A power of two that turns the terms of a sum into integers of at most 2^60.
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
-    /// Powers of two scale without rounding; two factors reach where one would overflow.
+    /// Two factors, since one could overflow. Powers of two scale without rounding.
     up: [f64; 2],
     down: [f64; 2],
 }
 
 impl Scale {
-    /// For terms up to `largest` in magnitude.
+    /// The scale for terms up to `largest` in magnitude; 1 if that is 0 or not finite.
     pub fn of(largest: f64) -> Self {
         let regular = largest.is_finite() && largest > 0.0;
         let exponent = if regular { 60 - (largest.log2().floor() as i32 + 1) } else { 0 };
@@ -20,13 +20,15 @@ impl Scale {
         Scale { up: parts.map(|part| 2f64.powi(part)), down: parts.map(|part| 2f64.powi(-part)) }
     }
 
-    /// The integer next to a term, away from zero where two are: `f64::round`, without a call of the C library.
+    /// The scaled term rounded to the nearest integer, halves away from zero.
+    ///
+    /// The same as `f64::round`, but without a call of the C library.
     #[inline(always)]
     pub fn integer(&self, term: f64) -> i64 {
         let x = term * self.up[0] * self.up[1];
         let whole = x as i64;
         let rest = x - whole as f64;
-        // What is beyond 64 bits, as where a term is infinite, is the largest there is.
+        // A term beyond 64 bits, such as an infinite one, becomes the largest integer.
         whole.saturating_add(i64::from(rest >= 0.5)).saturating_sub(i64::from(rest <= -0.5))
     }
 
@@ -36,12 +38,12 @@ impl Scale {
     }
 }
 
-/// Largest magnitude of `term(i)` for i in 0..n; infinite where one is not a number.
+/// Largest magnitude of `term(i)` for i in 0..n; infinite if a term is NaN.
 pub fn largest(n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
     threads::fold(n, GRAIN, |i| term(i).abs(), 0.0, larger)
 }
 
-/// Sum of `term(i)` for i in 0..n in units of `scale`.
+/// Sum of `term(i)` for i in 0..n as an integer, in units of `scale`.
 pub fn total(n: usize, term: impl Fn(usize) -> f64 + Sync, scale: Scale) -> i128 {
     threads::fold(n, GRAIN, |i| i128::from(scale.integer(term(i))), 0, |a, b| a + b)
 }

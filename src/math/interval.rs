@@ -1,27 +1,28 @@
-//! The mean of many values with its uncertainty.
+//! The mean of many values with its confidence interval.
 
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// A mean and how well it is known.
+/// A mean with its confidence interval.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Interval {
     /// Mean, in the unit of the values.
     pub mean: f64,
-    /// Half-width of the 95 % confidence interval, same unit; infinite where the values do not bound the mean.
+    /// Half-width of the 95 % confidence interval, same unit; infinite if the values do not bound the mean.
     pub half_width: f64,
-    /// How many values the mean is of.
+    /// Number of values in the mean.
     pub count: usize,
 }
 
-/// Mean of the finite `values` with its 95 % confidence interval by Student's t; none without a finite value.
+/// Mean of the finite `values` with its 95 % confidence interval by Student's t; `None` without a finite
+/// value.
 ///
-/// The half-width is infinite for a single value, and also where a value is not finite: runs that blew up are no
-/// random sample of the runs, so that the mean of the others is known, but not what it stands for.
+/// The half-width is infinite for a single value. It is also infinite if any value is not finite: the runs
+/// that remain are then no random sample of all runs.
 pub fn interval(values: &[f64]) -> Option<Interval> {
     let finite: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     let count = finite.len();
-    // Welford's recurrence, which does not lose the spread of nearly equal values.
+    // Welford's recurrence keeps the digits of the spread even if the values are nearly equal.
     let (mut mean, mut squares) = (0.0, 0.0);
     for (k, value) in finite.iter().enumerate() {
         let deviation = value - mean;
@@ -41,7 +42,8 @@ pub fn interval(values: &[f64]) -> Option<Interval> {
     Some(Interval { mean, half_width, count })
 }
 
-/// The number that |t| stays below with a probability of 95 %, for `freedom` >= 1 degrees of freedom.
+/// The quantile of Student's t: |t| is below it with a probability of 95 %, for `freedom` >= 1 degrees of
+/// freedom.
 fn student_quantile(freedom: f64) -> f64 {
     StudentsT::new(0.0, 1.0, freedom).expect("scale and freedom are positive").inverse_cdf(0.975)
 }
@@ -52,7 +54,7 @@ mod tests {
 
     #[test]
     fn the_quantiles_are_those_of_the_tables() {
-        // Three decimals are what printed tables give.
+        // Printed tables give three decimals.
         for (freedom, quantile) in [(1.0, 12.706), (4.0, 2.776), (9.0, 2.262), (1e4, 1.960)] {
             assert!((student_quantile(freedom) - quantile).abs() < 6e-4, "{freedom}");
         }

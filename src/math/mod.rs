@@ -1,4 +1,5 @@
-//! Mathematics without physics: vectors, elementary functions, exact sums, vector lanes, statistics, digits.
+//! Mathematics without physics: vectors, elementary functions, exact sums, vector instructions, statistics,
+//! and numbers as text.
 
 pub mod digits;
 pub mod elementary;
@@ -7,7 +8,7 @@ pub mod instructions;
 pub mod interval;
 pub mod vector;
 
-/// The larger of two magnitudes where NaN counts as +infinity (`f64::max` would drop it).
+/// The larger of two magnitudes; a NaN in `b` counts as +infinity (`f64::max` would drop it).
 #[inline(always)]
 pub fn larger(a: f64, b: f64) -> f64 {
     if b <= a {
@@ -15,7 +16,7 @@ pub fn larger(a: f64, b: f64) -> f64 {
     } else if b.is_nan() {
         f64::INFINITY
     } else {
-        // a < b, or a is NaN, which no caller passes: magnitudes are folded from 0.
+        // a < b. `a` is never NaN: callers fold magnitudes from 0.
         b
     }
 }

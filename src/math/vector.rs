@@ -1,13 +1,13 @@
-//! Vectors in space, and their arithmetic as the contact kernel needs it.
+//! Vectors in space, and the vector arithmetic of the contact kernel.
 
 use super::elementary::Arithmetic;
 use nalgebra::Vector3;
 
-/// A vector in space; unit by context.
+/// A vector in space. Each use states its unit.
 pub type Vec3 = Vector3<f64>;
 
-// Arithmetic of the contact kernel: spelled out by component and inlined in any case, because nalgebra's operators are
-// loops and calls where they are not, and the compiler would then make no vector instructions of a loop over contacts.
+// The functions below are written out by component and always inlined. nalgebra's operators may remain loops
+// and calls, and then the compiler does not vectorise a loop over contacts.
 
 /// a . b
 #[inline(always)]

@@ -1,8 +1,10 @@
-//! The contact law, eqs. (2.1)-(2.12): pure functions of one contact, for pairs and walls alike.
+//! The contact law, eqs. (2.1)-(2.12), as pure functions of one contact.
 //!
-//! A wall is a motionless partner. For both geometries `n` is the unit normal from the other body to particle i,
-//! `gap` the distance between the surfaces (negative: overlap) and `v_rel` the velocity of i relative to the partner:
-//! n = (x_i - x_j)/d for a pair, n = -n_k for wall k.
+//! Pairs and walls share one law: a wall is a partner that does not move. `n` is the unit normal from the
+//! partner to particle i: n = (x_i - x_j)/d for a pair, n = -n_k for wall k.
+//!
+//! `gap` is the distance between the surfaces, negative where they overlap. `v_rel` is the velocity of
+//! particle i relative to its partner.
 
 use crate::math::elementary::{
     Arithmetic, Separate, at_least, at_most, exp, exp_within, inverse, inverse_root,
@@ -10,35 +12,37 @@ use crate::math::elementary::{
 use crate::math::vector::{Vec3, add_scaled, dot, scaled};
 use crate::model::particle::Spin;
 
-/// What a contact does to particle i. Its partner j feels the opposite force and the *same* torque:
-/// both n and F_fr change sign in eq. (2.11).
+/// Force and torque of a contact on particle i.
+///
+/// The force on the partner j is the opposite. The torque on it is the *same*, since both n and F_fr change
+/// sign in eq. (2.11).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Action<W> {
     /// Repulsion and friction, N.
     pub force: Vec3,
-    /// Torque by friction, N m.
+    /// Torque of friction, N m.
     pub torque: W,
 }
 
 impl<W: Spin> Action<W> {
-    /// No contact.
+    /// No force and no torque.
     #[inline(always)]
     pub fn none() -> Self {
         Action { force: Vec3::zeros(), torque: W::zero() }
     }
 }
 
-/// How much of the repulsion remains at a given closing speed, eq. (2.4).
+/// The rebound function rho, eq. (2.4).
 pub trait Rebound: Copy + Send + Sync + 'static {
-    /// Share of the repulsion kept at closing speed `v` (m/s, positive when approaching), eq. (2.4).
+    /// rho(v): share of the repulsion kept at closing speed `v` (m/s, positive when approaching), eq. (2.4).
     fn share<A: Arithmetic>(&self, v: f64) -> f64;
 }
 
-/// e = 1: nothing is lost, and nothing is computed.
+/// e = 1: rho is 1, and contacts dissipate no energy on rebound.
 #[derive(Debug, Clone, Copy)]
 pub struct Elastic;
 
-/// e < 1: separation is weaker than approach.
+/// e < 1: the repulsion is weaker when separating than when approaching.
 #[derive(Debug, Clone, Copy)]
 pub struct Dissipative {
     e2: f64,
@@ -47,7 +51,8 @@ pub struct Dissipative {
 }
 
 impl Dissipative {
-    /// Coefficient of restitution `e` (0..1) and focusing coefficient `psi` (s/m).
+    /// The rebound function for the coefficient of restitution `e` (0..1) and the focusing coefficient `psi`
+    /// (s/m).
     pub fn new(e: f64, psi: f64) -> Self {
         Dissipative { e2: e * e, dissipated: 1.0 - e * e, two_psi: 2.0 * psi }
     }
@@ -61,9 +66,10 @@ impl Rebound for Elastic {
 }
 
 impl Rebound for Dissipative {
-    /// e^2 when separating, 1 when approaching, smooth between so that the step control works.
-    /// (1 + tanh z)/2 = 1/(1 + exp(-2z)) keeps all digits, where tanh by exponentials loses them near 0.
-    /// Beyond e^80 the exponential is as good as infinite: rho is e^2 to 1e-35.
+    /// e^2 when separating, 1 when approaching, and smooth in between, which the step control needs.
+    ///
+    /// Computes (1 + tanh z)/2 as 1/(1 + exp(-2z)): tanh by exponentials would lose digits near 0. The
+    /// exponent is limited to 80, where rho is e^2 to within 2e-35.
     #[inline(always)]
     fn share<A: Arithmetic>(&self, v: f64) -> f64 {
         let exponential = exp_within::<A>(at_least(-80.0, at_most(80.0, -self.two_psi * v)));
@@ -71,13 +77,14 @@ impl Rebound for Dissipative {
     }
 }
 
-/// What happens along the surfaces, eqs. (2.6)-(2.12).
+/// The tangential part of the law: friction, eqs. (2.6), (2.8) and (2.9).
 pub trait Tangential: Copy + Send + Sync + 'static {
-    /// Surfaces rub; otherwise neither slip nor torque is computed.
+    /// Whether there is friction. Without it neither slip nor torque is computed.
     const RUBS: bool;
 
-    /// Friction (N) at the given `slip` (m/s), eqs. (2.6) and (2.9). `repulsion` (N) is the full F of eq. (2.1), not
-    /// reduced by the rebound function.
+    /// Friction (N) at the given `slip` (m/s), eqs. (2.6) and (2.9).
+    ///
+    /// `repulsion` (N) is the full F of eq. (2.1), not reduced by the rebound function.
     fn friction<A: Arithmetic>(&self, repulsion: f64, slip: &Vec3) -> Vec3;
 }
 
@@ -89,21 +96,23 @@ pub struct Frictionless;
 #[derive(Debug, Clone, Copy)]
 pub struct Coulomb {
     phi: f64,
-    /// 1/v_min, s/m: a division costs as much as ten multiplications.
+    /// 1/v_min, s/m, kept because a division is much slower than a multiplication.
     inverse_v_min: f64,
-    /// Square (m^2/s^2) of a slip so small that friction is less than its rounding at full strength.
+    /// Square of the smallest slip (m^2/s^2) that the formula distinguishes. Friction at a smaller slip is
+    /// below the rounding error of its full strength.
     least: f64,
 }
 
 impl Coulomb {
-    /// Friction coefficient `phi` and speed `v_min` (m/s) from which friction has its full strength.
+    /// Friction with the coefficient `phi`, at full strength from the slip `v_min` (m/s) on.
     pub fn new(phi: f64, v_min: f64) -> Self {
         let least = (1e-8 * v_min).powi(2).max(1e-36);
         Coulomb { phi, inverse_v_min: (1.0 / v_min).min(f64::MAX), least }
     }
 
-    /// Sigma(s)/s of eq. (2.8) in s/m, from the square of the slip s (m^2/s^2): with this form friction needs no
-    /// direction t/|t| and is finite at s = 0. (v_0 of eq. (2.8) is v_min.)
+    /// Sigma(s)/s of eq. (2.8) in s/m, from the square `s2` of the slip s (m^2/s^2).
+    ///
+    /// In this form friction needs no direction t/|t| and is finite at s = 0. (v_0 of eq. (2.8) is v_min.)
     #[inline(always)]
     pub fn limiter_over_slip<A: Arithmetic>(&self, s2: f64) -> f64 {
         let inverse = inverse_root::<A>(at_least(self.least, s2));
@@ -130,7 +139,7 @@ impl Tangential for Coulomb {
     }
 }
 
-/// The contact law of one scene, with the effects it calls for as types.
+/// The contact law of a scene. Its effects are type parameters.
 #[derive(Debug, Clone, Copy)]
 pub struct Law<R, T> {
     /// Radius of every sphere, m.
@@ -139,30 +148,31 @@ pub struct Law<R, T> {
     pub f_0: f64,
     /// Stiffness exponent kappa, 1/m.
     pub kappa: f64,
-    /// Largest gap at which surfaces interact, m.
+    /// Largest gap at which surfaces interact, m. Contacts beyond it are skipped.
     pub l_max: f64,
-    /// Dissipation on rebound.
+    /// The rebound function.
     pub rebound: R,
     /// Friction.
     pub tangential: T,
 }
 
 impl<R: Rebound, T: Tangential> Law<R, T> {
-    /// Repulsion at `gap` (m), in N, eq. (2.1).
+    /// Repulsion F at `gap` (m), in N, eq. (2.1).
     #[inline(always)]
     pub fn repulsion<A: Arithmetic>(&self, gap: f64) -> f64 {
         self.f_0 * exp::<A>(-self.kappa * gap)
     }
 
-    /// Energies of contacts under this law.
+    /// The energies of contacts under this law.
     pub fn energies(&self) -> Energies<'_, R, T> {
         let (share, least) = (self.rebound.share::<Separate>(0.0), self.repulsion::<Separate>(self.l_max));
         Energies { law: self, share, least }
     }
 
-    /// Force and torque on particle i by one contact, eqs. (2.3), (2.5), (2.6), (2.9), (2.11), (2.12).
-    /// `gap` (m) must not exceed `l_max`; `v_rel` (m/s) is the velocity of i relative to its partner's centre;
-    /// `spins` (rad/s) is w_i + w_j, with w_j = 0 for a wall.
+    /// Force and torque of one contact on particle i, eqs. (2.3), (2.5), (2.6), (2.9), (2.11), (2.12).
+    ///
+    /// `gap` (m) must not exceed `l_max`. `v_rel` (m/s) is the velocity of i relative to its partner's
+    /// centre. `spins` (rad/s) is w_i + w_j, with w_j = 0 for a wall.
     #[inline(always)]
     pub fn action<A: Arithmetic, W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Action<W> {
         let opening = dot::<A>(n, v_rel);
@@ -175,15 +185,17 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
         Action { force: add_scaled::<A>(normal, n, &friction), torque: W::torque::<A>(self.r, n, &friction) }
     }
 
-    /// Velocity of the surface of i at the contact relative to its partner's, m/s, eqs. (2.7) and (2.10); `opening` is
-    /// n . v_rel.
+    /// Slip: velocity of the surface of i at the contact relative to its partner's surface, m/s, eqs. (2.7)
+    /// and (2.10).
+    ///
+    /// `opening` (m/s) is n . v_rel.
     #[inline(always)]
     fn slip<A: Arithmetic, W: Spin>(&self, opening: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Vec3 {
         spins.less_surface_velocity::<A>(self.r, n, &add_scaled::<A>(-opening, n, v_rel))
     }
 }
 
-/// Energies of contacts, with what is the same for all of them worked out once.
+/// The energies of contacts, with the values that all contacts share computed once.
 #[derive(Debug, Clone, Copy)]
 pub struct Energies<'a, R, T> {
     law: &'a Law<R, T>,
@@ -194,17 +206,21 @@ pub struct Energies<'a, R, T> {
 }
 
 impl<R: Rebound, T: Tangential> Energies<'_, R, T> {
-    /// Energy stored in a contact at rest at any `gap` (m), in J: the integral of rho(0) F up to `l_max`.
-    /// With this share H of docs/design.md never grows, whatever the speeds.
+    /// Energy stored in a contact at rest, J: the integral of rho(0) F from `gap` (m) to `l_max`. Any gap is
+    /// allowed.
+    ///
+    /// With the share rho(0) the energy H of docs/design.md never grows, whatever the speeds are.
     #[inline(always)]
     pub fn stored<A: Arithmetic>(&self, gap: f64) -> f64 {
         let energy = self.share * (self.law.repulsion::<A>(gap) - self.least) / self.law.kappa;
         if gap <= self.law.l_max { energy } else { 0.0 }
     }
 
-    /// Power (W) that one contact takes out of kinetic energy + stored energy: by rebound, (rho(v) - rho(0)) F v with
-    /// v the closing speed, which is never negative; and by friction, -F_fr . t. Arguments as for [`Law::action`], at
-    /// any gap.
+    /// Power (W) that one contact dissipates, taken from the kinetic and the stored energy: by rebound and by
+    /// friction.
+    ///
+    /// By rebound it is (rho(v) - rho(0)) F v with the closing speed v, which is never negative. By friction
+    /// it is -F_fr . t. The arguments are those of [`Law::action`], but any gap is allowed.
     #[inline(always)]
     pub fn dissipation<A: Arithmetic, W: Spin>(
         &self,
@@ -222,7 +238,7 @@ impl<R: Rebound, T: Tangential> Energies<'_, R, T> {
             let slip = law.slip::<A, W>(opening, n, v_rel, spins);
             friction = -dot::<A>(&law.tangential.friction::<A>(repulsion, &slip), &slip);
         }
-        // What is not a number is not far: it must show.
+        // A NaN gap must not count as far: the NaN has to appear in the result.
         let far = gap > law.l_max;
         [if far { 0.0 } else { rebound }, if far { 0.0 } else { friction }]
     }
@@ -246,7 +262,7 @@ mod tests {
         assert!((rho.share::<Separate>(10.0) - 1.0).abs() < 1e-15);
         assert!((rho.share::<Separate>(-10.0) - 0.16).abs() < 1e-15);
         assert_eq!(rho.share::<Separate>(-1e9), 0.4 * 0.4);
-        // Against the printed form of eq. (2.4).
+        // Compare with eq. (2.4) as printed.
         for v in [-0.3, -0.01, 1e-9, 0.02, 0.7] {
             let printed = 0.16 + 0.5 * (1.0 - 0.16) * (1.0 + f64::tanh(10.0 * v));
             assert!((rho.share::<Separate>(v) - printed).abs() < 1e-15);
@@ -261,7 +277,7 @@ mod tests {
         let sigma = |s: f64| s * c.limiter_over_slip::<Separate>(s * s);
         assert!((sigma(0.01) - 1.0).abs() < 1e-14);
         assert!((sigma(0.005) - 0.5).abs() < 1e-14);
-        // The slope vanishes at v_min from below, as it does above.
+        // Just below v_min the slope vanishes, as it does above.
         let slope = (sigma(0.01) - sigma(0.01 - 1e-6)) / 1e-6;
         assert!(slope.abs() < 0.05, "{slope}: its largest value inside is 150");
         assert_eq!(sigma(3.0), 1.0);
@@ -277,7 +293,7 @@ mod tests {
 
     #[test]
     fn torque_vanishes_without_slip() {
-        // Two spheres rolling on each other like gears: surfaces at equal velocity.
+        // Two spheres roll on each other like gears: their surfaces have the same velocity.
         let n = Vec3::x();
         let w = Vec3::new(0.0, 0.0, 4.0);
         let v_rel = w.cross(&n) * R;
@@ -292,7 +308,8 @@ mod tests {
         let v_rel = Vec3::new(0.3, 0.5, 0.0);
         let action = law(Coulomb::new(0.2, 0.01)).action::<Separate, _>(-0.002, &Vec3::x(), &v_rel, &Locked);
         let f = 10.0 * (0.3f64).exp();
-        // Not reduced by rho although the contact is opening: see docs/design.md on the effective friction.
+        // Friction is not reduced by rho although the contact is opening; see docs/design.md on effective
+        // friction.
         assert!((action.force.y + 0.2 * f).abs() < 1e-12);
         assert!((action.force.x - f * Dissipative::new(0.4, 10.0).share::<Separate>(-0.3)).abs() < 1e-12);
     }

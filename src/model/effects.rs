@@ -1,18 +1,18 @@
-//! Which effects are computed: the paper's variants, with or without loss on rebound.
+//! The effects of a scene: which of the paper's variants, with or without dissipation on rebound.
 
-/// Friction and rotation of a scene: the paper's three variants.
+/// The paper's three variants: with or without friction, with or without rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
     /// Repulsion only.
     Basic,
-    /// Friction without rotation.
+    /// Repulsion and friction, without rotation.
     Friction,
-    /// The complete model.
+    /// The complete model: repulsion, friction and rotation.
     FrictionRotation,
 }
 
 impl Variant {
-    /// The paper's name.
+    /// The paper's name of the variant.
     pub fn name(self) -> &'static str {
         match self {
             Variant::Basic => "basic",
@@ -27,6 +27,6 @@ impl Variant {
 pub struct Effects {
     /// Friction and rotation.
     pub variant: Variant,
-    /// Contacts lose energy on rebound (e < 1).
+    /// Whether contacts dissipate energy on rebound (e < 1).
     pub dissipative: bool,
 }

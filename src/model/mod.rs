@@ -1,4 +1,4 @@
-//! What is simulated, as pure functions of numbers: the contact law, walls, effects, and what a particle is made of.
+//! What is simulated, as pure functions: the contact law, walls, effects, and the state of a particle.
 
 pub mod contact;
 pub mod effects;

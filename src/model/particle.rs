@@ -1,39 +1,44 @@
-//! A particle's state of motion, with or without spin. Effects are types: a scene without rotation carries no
-//! spin anywhere, because `Locked` has no size.
+//! The state of a particle: position, velocity and, if the scene has rotation, angular velocity.
+//!
+//! Rotation is a type parameter. Without rotation it is `Locked`, which occupies no memory, so states and
+//! messages hold no angular velocity.
 
 use crate::math::elementary::Arithmetic;
 use crate::math::larger;
 use crate::math::vector::{Vec3, add_cross, cross, plus, scaled};
 use crate::ode::{Linear, Weights};
 
-/// What a particle's rotation is made of: nothing (`Locked`) or an angular velocity (`Spinning`).
-/// The same type holds angular velocity (rad/s), angular acceleration (rad/s^2) and torque (N m).
+/// The rotation of a particle: none (`Locked`) or an angular velocity (`Spinning`).
+///
+/// The same type holds an angular velocity (rad/s), an angular acceleration (rad/s^2) or a torque (N m).
 pub trait Spin: Copy + Send + Sync + PartialEq + std::fmt::Debug + 'static {
-    /// Numbers per particle: 0 or 3.
+    /// Number of components per particle: 0 or 3.
     const COMPONENTS: usize;
     /// No rotation.
     fn zero() -> Self;
-    /// From an angular velocity, rad/s; `Locked` forgets it.
+    /// The rotation with the angular velocity `w`, rad/s; `Locked` ignores it.
     fn from_vector(w: Vec3) -> Self;
-    /// The rotation as a vector; zero if locked.
+    /// The rotation as a vector; zero for `Locked`.
     fn vector(&self) -> Vec3;
-    /// Sum of two.
+    /// The sum of both.
     fn plus(&self, other: &Self) -> Self;
-    /// `s` times this.
+    /// The rotation times `s`.
     fn scaled(&self, s: f64) -> Self;
-    /// v - r w x n: `v` (m/s) less the velocity of the surface point at the distance `r` (m) along n from the centre.
+    /// v - r w x n, as in eqs. (2.7) and (2.10): `v` (m/s) minus the velocity that the rotation gives the
+    /// point at distance `r` (m) from the centre along the unit vector `n`.
     fn less_surface_velocity<A: Arithmetic>(&self, r: f64, n: &Vec3, v: &Vec3) -> Vec3;
-    /// Torque -r n x F on a sphere of radius `r` (m) by the force `f` (N) at the point -r n, eqs. (2.11) and (2.12).
+    /// Torque -r n x F on a sphere of radius `r` (m), by the force `f` (N) at the point -r n, eqs. (2.11) and
+    /// (2.12).
     fn torque<A: Arithmetic>(r: f64, n: &Vec3, f: &Vec3) -> Self;
-    /// Largest component by magnitude; NaN becomes +infinity.
+    /// Largest magnitude of a component; NaN counts as +infinity.
     fn max_abs(&self) -> f64;
 }
 
-/// A particle that does not rotate: the basic and friction variants. Occupies no memory.
+/// No rotation: the basic and friction variants. Occupies no memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Locked;
 
-/// A particle that rotates with this angular velocity, rad/s.
+/// Rotation with this angular velocity, rad/s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(transparent)]
 pub struct Spinning(pub Vec3);
@@ -109,12 +114,13 @@ impl Spin for Spinning {
     }
 }
 
-/// Position (m), velocity (m/s) and spin of one particle; or their time derivatives. In this order in memory, so that
-/// neighbouring components can be loaded together.
+/// State of one particle: position, velocity and rotation; or the time derivatives of these.
+///
+/// The order in memory is that of the fields, so that adjacent components can be loaded together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Motion<W> {
-    /// Centre, m; as a derivative, m/s.
+    /// Position of the centre, m; as a derivative, m/s.
     pub x: Vec3,
     /// Velocity, m/s; as a derivative, m/s^2.
     pub v: Vec3,
@@ -123,17 +129,17 @@ pub struct Motion<W> {
 }
 
 impl<W: Spin> Motion<W> {
-    /// Numbers that one state is made of: 6 or 9.
+    /// Number of components of a state: 6 or 9.
     pub const COMPONENTS: usize = 6 + W::COMPONENTS;
 
-    /// Writes the state as x, v, omega into `slots`, `COMPONENTS` long.
+    /// Writes the state as x, v, omega into `slots`, which holds `COMPONENTS` numbers.
     pub fn pack(&self, slots: &mut [f64]) {
         slots[..3].copy_from_slice(self.x.as_slice());
         slots[3..6].copy_from_slice(self.v.as_slice());
         slots[6..Self::COMPONENTS].copy_from_slice(&self.omega.vector().as_slice()[..W::COMPONENTS]);
     }
 
-    /// Reads what `pack` wrote.
+    /// Reads a state that `pack` wrote.
     pub fn unpack(slots: &[f64]) -> Self {
         let vector = |s: &[f64]| Vec3::new(s[0], s[1], s[2]);
         let omega = if W::COMPONENTS == 3 { W::from_vector(vector(&slots[6..9])) } else { W::zero() };

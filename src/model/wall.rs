@@ -1,8 +1,8 @@
-//! Planar walls: a convex region that keeps the particles in, open where no plane closes it.
+//! Planar walls. Together they bound a convex container, which may be open on some sides.
 
 use crate::math::vector::Vec3;
 
-/// A plane; particles are on the side that its normal points away from.
+/// A planar wall. Its normal points away from the particles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wall {
     /// Unit normal, pointing out of the container.
@@ -12,19 +12,20 @@ pub struct Wall {
 }
 
 impl Wall {
-    /// The plane through `point` (m) with the outward `normal` of any length but 0.
+    /// The plane through `point` (m) with the outward `normal`, which may have any length except 0.
     pub fn new(point: Vec3, normal: Vec3) -> Self {
-        // Scaled by the largest component first, so that no square overflows or vanishes.
+        // Divide by the largest component first, so that no square overflows or underflows.
         let normal = (normal / normal.amax()).normalize();
         Wall { normal, offset: normal.dot(&point) }
     }
 
-    /// The other wall, whose normal is the same, is the same plane.
+    /// Whether the other wall is the same plane, given that both have the same normal.
     pub fn coincides(&self, other: &Wall) -> bool {
         (self.offset - other.offset).abs() <= 1e-12 * self.offset.abs().max(1.0)
     }
 
-    /// How far inside the plane `x` lies, m; negative beyond it.
+    /// Distance of the point `x` (m) from the plane, m: positive inside the container, negative beyond the
+    /// plane.
     #[inline(always)]
     pub fn depth(&self, x: &Vec3) -> f64 {
         self.offset - self.normal.dot(x)

@@ -1,9 +1,10 @@
-//! The stabilised method: Runge-Kutta-Chebyshev of order 2 with as many stages as the stiffness asks for.
+//! The stabilised method: Runge-Kutta-Chebyshev of order 2, with as many stages as the stiffness requires.
 //!
-//! J. G. Verwer, B. P. Sommeijer, Computing 52 (1994); B. P. Sommeijer, L. F. Shampine, J. G. Verwer, RKC: an explicit
-//! solver for parabolic PDEs, J. Comput. Appl. Math. 88 (1998) 315-326. Chebyshev polynomials that are damped a little
-//! stay bounded along the negative real axis up to 0.65 s^2, so that s right-hand sides cover a stiffness that s^2/5
-//! steps of a classical method would need.
+//! J. G. Verwer, B. P. Sommeijer, Computing 52 (1994); B. P. Sommeijer, L. F. Shampine, J. G. Verwer, RKC: an
+//! explicit solver for parabolic PDEs, J. Comput. Appl. Math. 88 (1998) 315-326.
+//!
+//! Slightly damped Chebyshev polynomials stay bounded along the negative real axis up to 0.65 s^2. So s
+//! right-hand sides cover a stiffness for which a classical method would need s^2/5 steps.
 
 use super::{
     Dissipation, Ivp, Linear, Method, Norm, SpectralRadius, StepStart, TrialOutcome, TrialStep,
@@ -11,27 +12,30 @@ use super::{
 };
 use crate::math::larger;
 
-/// Damping epsilon: the polynomials stay below 1 - epsilon/3 in magnitude, and the stable region is a strip instead of
-/// beads on the axis.
+/// Damping epsilon: the polynomials stay below 1 - epsilon/3 in magnitude.
+///
+/// Without damping the stable region is pinched to single points of the axis. With it the region is a strip.
 pub const DAMPING: f64 = 2.0 / 13.0;
 
-/// Stages of one step at most: beyond, round-off grows as their square.
+/// Largest number of stages of a step. Round-off grows with its square.
 pub const MOST_STAGES: usize = 1000;
 
-/// State vectors beside the state and the slope at both ends of a step: the changes since its start at the last two stages.
+/// State vectors in use besides the state and the slope at both ends of a step: the changes of the state
+/// since the start of the step, at the last two stages.
 const CHANGES: usize = 2;
 
-/// Coefficients of one stage, in terms of the change D since the start of the step:
-/// D_j = mu D_{j-1} + nu D_{j-2} + h (mu~ F_{j-1} + gamma~ F_0).
+/// Coefficients of one stage, for the change D of the state since the start of the step.
+///
+/// D_j = mu D_{j-1} + nu D_{j-2} + h (mu~ F_{j-1} + gamma~ F_0)
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stage {
-    /// Weight of the stage before.
+    /// mu: weight of the change at the stage before.
     pub mu: f64,
-    /// Weight of the one before that.
+    /// nu: weight of the change two stages before.
     pub nu: f64,
-    /// Weight of the slope at the stage before, in steps.
+    /// mu~: weight of the slope at the stage before.
     pub mu_slope: f64,
-    /// Weight of the slope at the start, in steps.
+    /// gamma~: weight of the slope at the start of the step.
     pub gamma: f64,
     /// Time of the stage as a share of the step.
     pub c: f64,
@@ -42,17 +46,19 @@ pub fn real_stability(s: usize) -> f64 {
     2.0 / 3.0 * ((s * s) as f64 - 1.0) * (1.0 - 2.0 / 15.0 * DAMPING)
 }
 
-/// Stages that make a step with |h lambda| = `z` stable; at least 2.
+/// Number of stages that makes a step with |h lambda| = `z` stable; at least 2.
+///
+/// It exceeds [`MOST_STAGES`] by one where that many are not enough.
 pub fn stages_for(z: f64) -> usize {
     let s = (1.0 + z / (2.0 / 3.0 * (1.0 - 2.0 / 15.0 * DAMPING))).sqrt().ceil();
-    // A cast saturates, also from NaN and infinity.
+    // The cast saturates; NaN becomes 0.
     (s as usize).clamp(2, MOST_STAGES + 1)
 }
 
-/// Puts the coefficients of stages 1..=s, s >= 2, into `table`.
+/// Fills `table` with the coefficients of the stages 1..=s; s must be 2 or more.
 pub fn tabulate(s: usize, table: &mut Vec<Stage>) {
     let w0 = 1.0 + DAMPING / (s * s) as f64;
-    // T_{j-2} and T_{j-1} at w0, each with its first two derivatives, become T_{j-1} and T_j.
+    // Maps T_{j-2} and T_{j-1} at w0, each with its first two derivatives, to T_{j-1} and T_j.
     let next = |[b, a]: [[f64; 3]; 2]| {
         let t = [
             2.0 * w0 * a[0] - b[0],
@@ -66,7 +72,7 @@ pub fn tabulate(s: usize, table: &mut Vec<Stage>) {
     let [_, last] = (2..=s).fold(first, |pair, _| next(pair));
     let w1 = last[1] / last[2];
     let weight = |t: &[f64; 3]| t[2] / (t[1] * t[1]);
-    // b_{j-2} and b_{j-1}; b_0 = b_1 = b_2.
+    // b_{j-2} and b_{j-1}, where b_0 = b_1 = b_2.
     let mut b = [weight(&second); 2];
     table.clear();
     table.push(Stage {
@@ -94,16 +100,16 @@ pub fn tabulate(s: usize, table: &mut Vec<Stage>) {
     }
 }
 
-/// The method.
+/// The stabilised method.
 pub struct Chebyshev {
     /// Estimate of the spectral radius.
     pub radius: SpectralRadius,
-    /// Coefficients of the stages of the last step; has room for the most.
+    /// Coefficients of the stages of the last step. Has capacity for the largest number of stages.
     table: Vec<Stage>,
 }
 
 impl Chebyshev {
-    /// Estimate of the local error of particle `i`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
+    /// Estimate of the local error of row `i`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
     #[inline(always)]
     fn error<S: Linear>(
         i: usize,
@@ -179,8 +185,8 @@ impl<P: Ivp> Method<P> for Chebyshev {
             tabulate(s, &mut self.table);
         }
         let (y, first, table) = (&step_start.y[..], &step_start.slope[..], &self.table[..]);
-        // The oldest change gives its place to the new one, the last slope and stage to the next: what they are made of is at
-        // the same index.
+        // The new change overwrites the change of two stages before, and the new slope that of the stage
+        // before. This is safe because a row of a stage depends only on the same row of these vectors.
         let make = move |j: usize,
                          start: usize,
                          [next, even, odd]: [&mut [P::State]; 3],

@@ -1,30 +1,32 @@
-//! Accepts and sizes steps: a function of the errors and steps so far, the same on every rank.
+//! Step control: accepts or rejects steps and chooses their sizes.
+//!
+//! Decisions depend only on the errors and steps so far, which are the same on every process.
 
 use serde::{Deserialize, Serialize};
 
 /// What decided the size of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Limit {
-    /// The tolerance.
+    /// The tolerance on the error.
     Error,
-    /// It may not grow faster, or not at all after a rejection.
+    /// A step may not grow faster than by a fixed factor, and not at all right after a rejection.
     Growth,
     /// The method would be unstable.
     Stability,
-    /// A particle would move further than a step or its lists allow.
+    /// The problem allows rows to move only so far in one step.
     Travel,
-    /// `solver.max_step`, or `solver.step`.
+    /// The largest step: `solver.max_step`, or `solver.step`.
     Maximum,
-    /// `solver.min_step`.
+    /// The smallest step: `solver.min_step`.
     Minimum,
-    /// The first step of the run.
+    /// None: it is the first step of the run.
     First,
     /// The end of the run.
     End,
 }
 
 impl Limit {
-    /// All of them, in the order in which they are reported.
+    /// All limits, in the order in which they are reported.
     pub const ALL: [Limit; 8] = [
         Limit::Error,
         Limit::Growth,
@@ -36,7 +38,7 @@ impl Limit {
         Limit::End,
     ];
 
-    /// Name in the summary.
+    /// Name in the summary of a run.
     pub fn name(self) -> &'static str {
         match self {
             Limit::Error => "error",
@@ -51,64 +53,70 @@ impl Limit {
     }
 }
 
-/// What to do with a trial step.
+/// Decision on a trial step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decision {
-    /// The step stands.
+    /// Whether the step is accepted.
     pub accept: bool,
-    /// It stands only because it could not be smaller.
+    /// Whether it was accepted only because steps cannot be smaller.
     pub forced: bool,
-    /// Proposal for the next trial, s; within the limits of the rule.
+    /// Proposed size of the next trial, s; within the limits of the step control.
     pub next: f64,
-    /// What decided that proposal.
+    /// What decided the proposed size.
     pub limit: Limit,
 }
 
-/// How the next step follows from errors.
+/// Rule for the factor by which the step size changes, as a function of the errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum StepRule {
-    /// The paper's: 0.8 (tolerance/error)^(1/order), within 0.1..5; 2 without any error.
+    /// The paper's rule: the factor is 0.8 (tolerance/error)^(1/order), within 0.1..5; 2 for an error of 0.
     Published,
-    /// A proportional-integral rule, 0.8 (tolerance/error)^(0.7/order) (error before/tolerance)^(0.4/order) within
-    /// 0.1..5: steps settle instead of alternating between growth and rejection, at about a tenth of the tolerance.
+    /// A proportional-integral rule.
+    ///
+    /// The factor is 0.8 (tolerance/error)^(0.7/order) (error before/tolerance)^(0.4/order), within 0.1..5.
+    /// Steps settle where the error is about a tenth of the tolerance. They do not alternate between growth
+    /// and rejection.
+    ///
     /// K. Gustafsson, ACM TOMS 17 (1991) 533; E. Hairer, G. Wanner, Solving ODEs II, IV.2.
     ProportionalIntegral,
-    /// No error estimate: the step stays.
+    /// No error estimate: the step size is constant.
     Fixed,
 }
 
-/// Accepts and sizes steps.
+/// Accepts or rejects steps and proposes their sizes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepControl {
     /// The rule.
     pub rule: StepRule,
-    /// A step stands if its error is less.
+    /// A step is accepted if its error is smaller than this.
     pub tolerance: f64,
-    /// Smallest step, s: a finite error is accepted there.
+    /// Smallest step, s. At this size a step is accepted whatever its error, if that is finite.
     pub min_step: f64,
     /// Largest step, s.
     pub max_step: f64,
-    /// Error over tolerance of the last step that stood.
+    /// Error over tolerance of the last accepted step, at least 1e-6; none before the first.
     pub before: Option<f64>,
-    /// The trial before was rejected.
+    /// Whether the error of the last trial was too large.
     pub rejected: bool,
 }
 
-/// Largest growth of a step.
+/// Largest factor by which a step may grow.
 const GROWTH: f64 = 5.0;
-/// Smallest error that counts, as a share of the tolerance.
+/// Smallest error that is distinguished from zero, as a share of the tolerance.
 const LEAST_ERROR: f64 = 1e-6;
-/// Smallest factor.
+/// Smallest factor by which a step may shrink.
 const SHRINKAGE: f64 = 0.1;
 
 impl StepControl {
-    /// Nothing has happened yet.
+    /// A step control before the first step.
     pub fn new(rule: StepRule, tolerance: f64, min_step: f64, max_step: f64) -> Self {
         StepControl { rule, tolerance, min_step, max_step, before: None, rejected: false }
     }
 
-    /// Judges a step `h` (s) with the given error (not NaN; +infinity: something was not finite) of a method whose error
-    /// shrinks as h to the power `order`.
+    /// Decides on a step of size `h` (s) with the given error, and proposes the next size.
+    ///
+    /// `error` must not be NaN; +infinity means that something was not finite. `order` is the power of h with
+    /// which the error of the method shrinks.
     pub fn judge(&mut self, h: f64, error: f64, order: f64) -> Decision {
         if error == f64::INFINITY {
             self.rejected = true;
@@ -134,11 +142,11 @@ impl StepControl {
         if !met {
             return bounded((SAFE * error.powf(-1.0 / order)).min(0.9), 1.0);
         }
-        // Errors far below the tolerance say nothing of their order.
+        // Errors far below the tolerance do not follow the order of the method.
         let error = error.max(LEAST_ERROR);
         let before = self.before.unwrap_or(1.0);
         let factor = SAFE * error.powf(-0.7 / order) * before.powf(0.4 / order);
-        // A step that was rejected before it stood says that growth must wait.
+        // No growth right after a rejection.
         bounded(factor, if self.rejected { 1.0 } else { GROWTH })
     }
 
@@ -152,13 +160,13 @@ impl StepControl {
         Decision { accept, forced, next, limit }
     }
 
-    /// The step within its limits, s.
+    /// The step size `h` within its limits, s.
     pub fn clamp(&self, h: f64) -> f64 {
         h.clamp(self.min_step, self.max_step)
     }
 }
 
-/// A factor within its limits, and what set it.
+/// The factor within its limits, and what set it.
 fn bounded(factor: f64, most: f64) -> (f64, Limit) {
     if factor > most { (most, Limit::Growth) } else { (factor.max(SHRINKAGE), Limit::Error) }
 }
@@ -206,7 +214,7 @@ mod tests {
 
     #[test]
     fn the_proportional_integral_rule_settles_at_a_tenth_of_the_tolerance() {
-        // A problem whose error is 1e6 h^3: steps should come to rest, without a rejection.
+        // A problem whose error is 1e6 h^3: the step size should settle without a rejection.
         let mut control = control(StepRule::ProportionalIntegral);
         let (mut h, mut rejected) = (1e-6, 0);
         let mut steps = Vec::new();

@@ -1,4 +1,4 @@
-//! The method that takes the steps: the one that the scene names, or the one that `auto` finds best.
+//! The integrator: takes steps with the method that the scene names, or with the one that `auto` chooses.
 
 use crate::ode::method_switch::{MethodSwitch, Tally};
 use crate::ode::{
@@ -7,29 +7,30 @@ use crate::ode::{
 };
 use serde::{Deserialize, Serialize};
 
-/// How `auto` begins.
+/// How `auto` starts.
 #[derive(Debug, Clone, Copy)]
 pub struct AutoPlan {
     /// The explicit method that takes the first steps.
     pub explicit: &'static Tableau,
-    /// Why that one, in words that follow "because".
+    /// Why it starts with that method, in words that follow "because".
     pub reason: &'static str,
-    /// Whether anything is damped: if not, the stabilised method has no place.
+    /// Whether the problem is damped. If not, the stabilised method is never used.
     pub is_damped: bool,
 }
 
-/// Takes steps with one method at a time.
+/// Takes steps with one active method at a time.
 pub struct Integrator<'c, P: Ivp> {
     active: Box<dyn Method<P> + 'c>,
-    /// Of `auto`: the method that rests, and how to choose.
+    /// For `auto`: the inactive method, and the method switch.
     resting: Option<(Box<dyn Method<P> + 'c>, MethodSwitch)>,
-    /// Largest stable step from the anchor, s; none before it has been asked for.
+    /// Largest stable step from the start of the step, s; none until it has been asked for.
     stable: Option<f64>,
-    /// Right-hand sides since the last accepted step.
+    /// Right-hand sides evaluated since the last accepted step.
     spent: u64,
 }
 
-/// What the integrator remembers from one trial to the next: with it, another one goes on in the same way.
+/// What the integrator carries over from one trial to the next. Another integrator that restores it continues
+/// in the same way.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory {
     stable: Option<f64>,
@@ -39,7 +40,7 @@ pub struct Memory {
 }
 
 impl<'c, P: Ivp + 'c> Integrator<'c, P> {
-    /// The method `name`; `auto` says how that one begins.
+    /// An integrator with the method `name`. `auto` says how the method of that name starts.
     pub fn new(name: MethodName, auto: AutoPlan) -> Self {
         let table = |table| Box::new(RungeKutta::new(table)) as Box<dyn Method<P> + 'c>;
         let fixed = |active| Integrator { active, resting: None, stable: None, spent: 0 };
@@ -57,8 +58,10 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         }
     }
 
-    /// To be called before a trial: finds out what is stable from `anchor`, and changes the method where that pays. Returns
-    /// the right-hand sides that took. `trial` lends its room and loses its result. Collective.
+    /// Prepares a trial: finds the largest stable step and switches the method where that saves work. Call it
+    /// before every trial. Collective.
+    ///
+    /// Returns the number of right-hand sides evaluated. `trial` is used as work space: its result is lost.
     pub fn prepare(
         &mut self,
         ivp: &mut P,
@@ -88,19 +91,20 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         evaluations
     }
 
-    /// What it remembers.
+    /// What another integrator needs to continue in the same way.
     pub fn memory(&self) -> Memory {
         let resting = || self.resting.as_ref().and_then(|(method, _)| method.memory());
         Memory {
             stable: self.stable,
             spent: self.spent,
-            // One of two methods at most estimates the radius.
+            // At most one of the two methods estimates the spectral radius.
             radius: self.active.memory().or_else(resting),
             tally: self.resting.as_ref().map(|(_, switch)| switch.tally()),
         }
     }
 
-    /// Takes up what another one of the same scene, in this process or another, remembered. This one must be new.
+    /// Restores the memory of an integrator of the same scene, from this process or another. This integrator
+    /// must be new.
     pub fn recall(&mut self, memory: &Memory) {
         (self.stable, self.spent) = (memory.stable, memory.spent);
         if let (Some((resting, switch)), Some(tally)) = (&mut self.resting, memory.tally)
@@ -112,27 +116,27 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         for method in
             std::iter::once(&mut self.active).chain(self.resting.iter_mut().map(|(method, _)| method))
         {
-            // The others have nothing to remember.
+            // Methods that do not estimate the radius ignore it.
             method.recall(radius);
         }
     }
 
-    /// Whether the stabilised method is at work.
+    /// Whether the stabilised method is active.
     pub fn is_stabilised(&self) -> bool {
         self.active.known_bound().is_some()
     }
 
-    /// Largest stable step from the anchor, s, as far as it is known.
+    /// Largest stable step from the start of the step, s; infinite if it is not known.
     pub fn stable_step(&self) -> f64 {
         self.stable.unwrap_or(f64::INFINITY)
     }
 
-    /// The error of a step shrinks as h to this power.
+    /// The power of h with which the error of a step shrinks.
     pub fn error_order(&self) -> f64 {
         self.active.error_order()
     }
 
-    /// Takes a trial step `h` (s) from `anchor`. Collective.
+    /// Takes a trial step of size `h` (s) from `step_start`. Collective.
     pub fn attempt(
         &mut self,
         ivp: &mut P,
@@ -146,7 +150,8 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         outcome
     }
 
-    /// The state at a `share` of the last trial, a step `h` (s) that stands, if the method has a dense output.
+    /// Dense output: the state at a `share` of the last trial, an accepted step of size `h` (s). None if the
+    /// method has no dense output.
     pub fn inside(
         &self,
         share: f64,
@@ -157,18 +162,18 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         (0..step_start.y.len()).map(|i| self.active.inside(share, h, step_start, trial, i)).collect()
     }
 
-    /// Whether `inside` gives states.
+    /// Whether the active method has a dense output.
     pub fn has_inside(&self) -> bool {
         self.active.has_inside()
     }
 
-    /// The last trial was rejected for its error.
+    /// Tells the integrator that the last trial was rejected for its error.
     pub fn rejected(&mut self) {
         self.active.rejected();
         self.stable = None;
     }
 
-    /// The last trial, a step `h` (s) whose size was decided by `limit`, stands.
+    /// Tells the integrator that the last trial, of step size `h` (s) decided by `limit`, is accepted.
     pub fn accepted(&mut self, h: f64, limit: Limit) {
         if let Some((_, switch)) = &mut self.resting {
             switch.step(h, limit, self.spent, self.active.known_bound());
@@ -176,7 +181,7 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         (self.stable, self.spent) = (None, 0);
     }
 
-    /// Error of owned particle `i` in the last trial, of step `h` (s).
+    /// Error of owned row `i` in the last trial, of step size `h` (s).
     pub fn error_of(
         &self,
         i: usize,
@@ -188,8 +193,10 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         self.active.error_of(i, h, norm, step_start, trial)
     }
 
-    /// State vectors that anchor and trial may come to hold: state and slope at both ends of a step, what the methods keep
-    /// of its inside, of which one is at work at a time, and the stiffest direction where a method asks for it.
+    /// Largest number of state vectors that the start of the step and the trial may hold together.
+    ///
+    /// These are state and slope at both ends of a step, the vectors that the active method uses within it,
+    /// and the stiffest direction where a method estimates it.
     pub fn vectors(&self) -> usize {
         let resting = self.resting.as_ref().filter(|(_, switch)| !switch.is_final());
         let methods = || std::iter::once(&self.active).chain(resting.map(|(method, _)| method));
@@ -197,7 +204,7 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         4 + stages + usize::from(methods().any(|method| method.known_bound().is_some()))
     }
 
-    /// The method, and of `auto` what it picked and why.
+    /// Name of the method and, for `auto`, which one was chosen and why.
     pub fn report(&self) -> String {
         let name = self.active.name();
         self.resting

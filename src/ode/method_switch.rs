@@ -1,32 +1,37 @@
-//! How `auto` chooses between an explicit method and the stabilised one: by the work that both would take.
+//! The method switch: how `auto` chooses between an explicit method and the stabilised one, by the work that
+//! each needs.
 
 use crate::ode::{Limit, Tableau};
 use serde::{Deserialize, Serialize};
 
-/// Steps limited by their error over which work is compared.
+/// Number of steps limited by their error over which the work is compared.
 const WINDOW: u64 = 1024;
-/// The same where the stabilised method is only tried: few, because its errors are those of a method of order 2.
+/// The same while the stabilised method is only tried. The number is small, because the errors of these steps
+/// are those of a method of order 2.
 const TRIAL: u64 = 24;
-/// Steps of the explicit method before stiffness is looked at; doubled whenever the stabilised method was no better.
+/// Steps of the explicit method before stiffness is checked. Doubled whenever the stabilised method was no
+/// better.
 const PATIENCE: u64 = 256;
-/// The longest patience.
+/// Upper limit of that number.
 const MOST_PATIENCE: u64 = 65536;
-/// The explicit method must be cheaper by this factor to take over from a stabilised one that has been good so far, which
-/// copes with sudden stiffness; after a mere trial it needs no factor.
+/// Factor by which the explicit method must be cheaper to replace a stabilised method that has proved itself.
+///
+/// The factor favours the stabilised method because it copes with sudden stiffness. While that method is only
+/// tried, the factor is 1.
 const CLEARLY: f64 = 3.0;
-/// Share of the stable interval beyond which the explicit method is limited by stability.
+/// Share of the stable interval beyond which the explicit method counts as limited by stability.
 const NEAR_THE_EDGE: f64 = 0.6;
 
 /// The two kinds of methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
-    /// Dormand-Prince or Merson: a fixed number of right-hand sides a step, and a small stable step.
+    /// Dormand-Prince or Merson: a fixed number of right-hand sides a step, and a small largest stable step.
     Explicit,
-    /// Chebyshev: right-hand sides as the square root of step times stiffness.
+    /// Chebyshev: the number of right-hand sides grows with the square root of step size times stiffness.
     Stabilised,
 }
 
-/// Compares work. Everything it looks at is the same on every rank.
+/// Compares the work of both methods. Its decisions use only numbers that are the same on every process.
 #[derive(Debug, Clone)]
 pub struct MethodSwitch {
     explicit: &'static Tableau,
@@ -35,29 +40,29 @@ pub struct MethodSwitch {
     tally: Tally,
 }
 
-/// What the choice remembers of the steps so far.
+/// What the method switch knows of the steps so far.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Tally {
     active: Kind,
-    /// Steps that the window at hand needs.
+    /// Number of steps in the current comparison.
     window: u64,
-    /// Steps in that window, time that they covered (s), right-hand sides that they took.
+    /// Steps compared so far, the time that they covered (s), and the right-hand sides that they took.
     steps: u64,
     time: f64,
     spent: u64,
-    /// Right-hand sides that the explicit method would need for stability in the window.
+    /// Right-hand sides that the explicit method would have needed for stability over the same time.
     explicit_need: f64,
     patience: u64,
-    /// Spectral radius just found for the explicit method, 1/s.
+    /// Spectral radius found while the explicit method is active, 1/s; none until it has been found.
     bound: Option<f64>,
     last: f64,
-    /// Steps by kind, and changes.
+    /// Accepted steps of each kind, and number of switches.
     taken: [u64; 2],
     changes: u64,
 }
 
 impl MethodSwitch {
-    /// Starts with the method `explicit`, for `reason`.
+    /// Starts with the explicit method `explicit`, for the given `reason`.
     pub fn new(explicit: &'static Tableau, reason: &'static str) -> Self {
         let tally = Tally {
             active: Kind::Explicit,
@@ -75,39 +80,40 @@ impl MethodSwitch {
         MethodSwitch { explicit, reason, fixed: false, tally }
     }
 
-    /// The choice is made once and for all.
+    /// A switch that always stays with the first method.
     pub fn forever(self) -> Self {
         MethodSwitch { fixed: true, ..self }
     }
 
-    /// What it remembers.
+    /// What another method switch needs to continue in the same way.
     pub fn tally(&self) -> Tally {
         self.tally
     }
 
-    /// Takes up what it remembered, in this process or another. Returns whether the methods have changed places since the
-    /// start.
+    /// Restores a tally, from this process or another. Returns whether the stabilised method is active.
     pub fn recall(&mut self, tally: Tally) -> bool {
         self.tally = tally;
         tally.active == Kind::Stabilised
     }
 
-    /// Whether it will never change.
+    /// Whether the method never changes.
     pub fn is_final(&self) -> bool {
         self.fixed
     }
 
-    /// Right-hand sides of a step of the explicit method.
+    /// Right-hand sides that a step of the explicit method takes.
     fn explicit_cost(&self) -> f64 {
         (self.explicit.stages() - usize::from(self.explicit.first_same_as_last)) as f64
     }
 
-    /// A step `h` (s) stands that took `spent` right-hand sides; `limit` decided its size, and `bound` is the spectral
-    /// radius (1/s) if it is known.
+    /// Takes an accepted step into account.
+    ///
+    /// The step has the size `h` (s), decided by `limit`, and took `spent` right-hand sides. `bound` is the
+    /// spectral radius (1/s), if it is known.
     pub fn step(&mut self, h: f64, limit: Limit, spent: u64, bound: Option<f64>) {
         self.tally.last = h;
         self.tally.taken[self.tally.active as usize] += 1;
-        // In free flight both methods take the same steps.
+        // A step that is not limited by its error is as long with either method, and says nothing.
         if self.tally.active == Kind::Stabilised && limit != Limit::Error {
             return;
         }
@@ -119,7 +125,8 @@ impl MethodSwitch {
         }
     }
 
-    /// Whether the spectral radius should be found, because the explicit method has had its time.
+    /// Whether the spectral radius should be found: the explicit method has taken enough steps since the last
+    /// check.
     pub fn wants_stiffness(&self) -> bool {
         !self.fixed
             && self.tally.active == Kind::Explicit
@@ -127,12 +134,13 @@ impl MethodSwitch {
             && self.tally.bound.is_none()
     }
 
-    /// The spectral radius is `bound`, 1/s.
+    /// Takes the spectral radius `bound` (1/s) into account.
     pub fn learn(&mut self, bound: f64) {
         self.tally.bound = Some(bound);
     }
 
-    /// Whether the other method should take over; if so, the largest step (s) that it may start with.
+    /// Switches to the other method if that needs less work. Returns the largest step (s) with which it may
+    /// start, or none if the method stays.
     pub fn change(&mut self) -> Option<f64> {
         match self.tally.active {
             Kind::Stabilised if self.tally.steps >= self.tally.window => {
@@ -144,7 +152,7 @@ impl MethodSwitch {
                     * self.explicit_cost();
                 self.restart();
                 if !cheaper {
-                    // It is worth its while: look again soon when it rests.
+                    // The stabilised method has proved itself: try it again soon after the next switch.
                     self.tally.patience = PATIENCE;
                     return None;
                 }
@@ -176,7 +184,7 @@ impl MethodSwitch {
         self.tally.changes += 1;
     }
 
-    /// What was chosen and why; `active` and `resting` are the names of the methods.
+    /// Which method was chosen and why. `active` and `resting` are the names of the two methods.
     pub fn report(&self, active: &str, resting: &str) -> String {
         let [explicit, stabilised] = self.tally.taken;
         let (own, other) = match self.tally.active {
@@ -198,7 +206,7 @@ mod tests {
     use super::*;
     use crate::ode::{DORMAND_PRINCE, MERSON};
 
-    /// One for which the stabilised method has taken over and proved itself.
+    /// A switch whose stabilised method is active and has proved itself.
     fn stabilised() -> MethodSwitch {
         let switch = MethodSwitch::new(&MERSON, "of the test");
         let tally = Tally { active: Kind::Stabilised, changes: 1, ..switch.tally };
@@ -207,7 +215,8 @@ mod tests {
 
     #[test]
     fn small_steps_of_the_stabilised_method_give_way_to_the_explicit_one() {
-        // h rho = 0.1: five right-hand sides cover 35 of the steps that take three each.
+        // h rho = 0.1: a step of the stabilised method costs three right-hand sides. A step of the explicit
+        // method takes five and may be 35 times as long.
         let mut switch = stabilised();
         for _ in 0..WINDOW {
             assert_eq!(switch.change(), None);
@@ -229,7 +238,7 @@ mod tests {
 
     #[test]
     fn large_steps_keep_the_stabilised_method() {
-        // h rho = 100: the explicit method would take 141 right-hand sides.
+        // h rho = 100: the explicit method would need 141 right-hand sides.
         let mut switch = stabilised();
         for _ in 0..10 * WINDOW {
             switch.step(1e-3, Limit::Error, 14, Some(1e5));

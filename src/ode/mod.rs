@@ -1,5 +1,7 @@
-//! Explicit methods for y' = f(t, y) with adaptive steps. Knows neither particles nor ranks: the problem evaluates f,
-//! measures errors and agrees on the outcome of a trial step.
+//! Explicit methods for y' = f(t, y) with adaptive steps.
+//!
+//! The methods see vectors of numbers only. The problem ([`Ivp`]) evaluates f, measures errors and brings all
+//! processes to the same decision on a trial step.
 
 pub mod chebyshev;
 pub mod controller;
@@ -21,23 +23,23 @@ pub use spectral::SpectralRadius;
 pub use tableau::{DORMAND_PRINCE, MERSON, Tableau};
 pub use verlet::Verlet;
 
-/// What the parts of a state are divided by before they are compared with a tolerance.
+/// What the components of a state are multiplied by before they are compared with a tolerance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weights {
-    /// For positions, 1/m.
+    /// Weight of positions, 1/m.
     pub x: f64,
-    /// For velocities, s/m.
+    /// Weight of velocities, s/m.
     pub v: f64,
-    /// For angular velocities, s.
+    /// Weight of angular velocities, s.
     pub omega: f64,
 }
 
 impl Weights {
-    /// Metres, metres a second and radians a second count alike.
+    /// All weights are 1: metres, metres a second and radians a second count alike.
     pub const MIXED: Weights = Weights { x: 1.0, v: 1.0, omega: 1.0 };
 }
 
-/// A vector space element: the state of one particle.
+/// One row of a state: an element of a vector space that has positions and velocities.
 pub trait Linear: Copy + Send + Sync {
     /// The neutral element.
     fn zero() -> Self;
@@ -45,9 +47,9 @@ pub trait Linear: Copy + Send + Sync {
     fn add_scaled(&mut self, s: f64, other: &Self);
     /// Largest weighted component by magnitude; NaN becomes +infinity.
     fn magnitude(&self, weights: &Weights) -> f64;
-    /// Adds `h * slope` to the velocities alone.
+    /// Adds `h * slope` to the velocities only.
     fn kick(&mut self, h: f64, slope: &Self);
-    /// Adds `h` times the own velocity to the position.
+    /// Adds `h` times the velocity of this row to its position.
     fn drift(&mut self, h: f64);
 
     /// Largest component by magnitude, whatever its unit; NaN becomes +infinity.
@@ -56,31 +58,78 @@ pub trait Linear: Copy + Send + Sync {
     }
 }
 
-/// What all ranks know after a trial step.
+/// Outcome of a trial step, the same on all processes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrialOutcome {
-    /// Largest error over all components of all particles; +infinity when anything is not finite.
+    /// Largest error over all components of all rows; +infinity where anything is not finite.
     pub error: f64,
-    /// The neighbour lists covered every stage and the result: if not, the trial says nothing.
+    /// What the problem has prepared near the start of the step was valid at every stage and at the result.
+    /// If not, the trial says nothing about the step.
     pub covered: bool,
-    /// Neither a stage nor the result moved a particle further from the start of the step than a step may.
+    /// No stage moved a row further from the start of the step than one step may, and neither did the result.
     pub within_travel: bool,
 }
 
-/// An initial value problem whose state is spread over ranks: every rank holds a slice of it.
+/// An initial value problem. Its state is a sequence of rows, spread over processes.
+///
+/// Every process owns some of the rows. Slices of states hold the owned rows, in the same order throughout a
+/// step.
+///
+/// A step consists of a call of `begin`, any number of evaluations by `rhs` and `rhs_of`, and a call of
+/// `agree`. `agree` may be left out where no result is wanted, for example when a spectral radius is
+/// estimated.
 pub trait Ivp {
-    /// State of one particle.
+    /// One row of the state.
     type State: Linear;
-    /// A trial step starts. Until the next one `rhs_of` has the same `y`.
+    /// Starts a step from a state `y`, which `rhs_of` and `agree` receive.
+    ///
+    /// The caller guarantees:
+    ///
+    /// - Up to the next `begin`, every `rhs_of` and `agree` receives the same `y`, with the same contents.
+    ///   The problem may therefore keep what it has measured at `y` from one stage to the next.
+    /// - After an `rhs` at a state other than `y`, `begin` is called before the next `rhs_of`.
+    /// - No sequence of stages (see `rhs_of`) is under way: the last one has reached its last stage.
+    ///
+    /// The problem guarantees:
+    ///
+    /// - The `covered` and `within_travel` of the next `agree` account for every evaluation since this call.
     fn begin(&mut self);
-    /// dy/dt at time `t` (s) and state `y`; both slices hold the owned particles. Collective.
+    /// Puts dy/dt at time `t` (s) and state `y` into `dydt`. Collective.
+    ///
+    /// `y` may be any state. Both slices hold the owned rows. What `dydt` holds before does not matter.
     fn rhs(&mut self, t: f64, y: &[Self::State], dydt: &mut [Self::State]);
-    /// `rhs` at a stage of a step from `y` that is made on the way: `make(k, first, vectors, stage, dydt)` puts stage k of the
-    /// particles from `first` on into `stage`, from parts of the vectors and from what `dydt` still holds if need be. It is
-    /// called once for every particle, in parts of any size and order, before anything of that particle changes. This is
-    /// stage k of `turn` = [k, stages], which are evaluated one after the other with the same arguments but for the time: once
-    /// the slope of a particle has been found, the next of them may be made of it at once, and then `dydt` holds what that leaves
-    /// there. [0, 1] is a stage that stands alone. Collective.
+    /// Puts dy/dt at time `t` (s) and at one stage of a step from `y` into `dydt`. Collective.
+    ///
+    /// The stage is not passed: `make` computes it during the evaluation, some rows at a time. A problem can
+    /// then compute the stage and evaluate f there in one pass over memory.
+    ///
+    /// `turn` = `[k, stages]` says that this is stage k of a sequence of `stages`, counted from 0. `[0, 1]`
+    /// is a stage on its own. In a sequence the problem may begin the next stage while it evaluates this one.
+    ///
+    /// `make(k, first, vectors, stage, dydt)` computes stage k of consecutive rows, the first of which has
+    /// the index `first`. It writes the stage into `stage`. All its slices have the length of this part:
+    /// `vectors` and `dydt` are the parts of the arguments of the same names.
+    ///
+    /// The problem guarantees:
+    ///
+    /// - For every stage, `make` is called exactly once for every row. The parts may have any size and come
+    ///   in any order, and several threads may call `make` at once.
+    /// - When `make` receives a row, `dydt` is still unchanged there: it holds what the caller passed or,
+    ///   from the second stage of a sequence on, the slope of the stage before. `stage` may hold anything.
+    /// - An evaluation makes the rest of its own stage and, in a sequence, perhaps some rows of the next one.
+    ///   A row of the next stage is made only after the slope of the same row is complete.
+    /// - After the last stage of a sequence, `dydt` holds the slopes of that stage.
+    ///
+    /// The caller guarantees:
+    ///
+    /// - `y` is the state for which `begin` was called, and all slices have its length.
+    /// - The stages of a sequence are evaluated in order, from 0 to the last. No other call comes in between,
+    ///   except `dissipation`. All arguments but `t` and `turn[0]` stay the same.
+    /// - `make` writes every row of `stage`. It may also change the rows of `vectors` and `dydt` that it
+    ///   receives. What it computes depends on k, on these rows and on data that do not change during the
+    ///   sequence, but not on `t`.
+    /// - Between two stages of a sequence the caller uses neither `vectors` nor `dydt`: some rows may already
+    ///   belong to the next stage.
     fn rhs_of<const K: usize>(
         &mut self,
         t: f64,
@@ -94,30 +143,38 @@ pub trait Ivp {
         make(turn[0], 0, vectors, &mut stage, dydt);
         self.rhs(t, &stage, dydt);
     }
-    /// Power lost in the last right-hand side by rebound and by friction, W; zero where nobody asked for it.
+    /// Power lost in the last right-hand side, W; zero unless the problem has been told to compute it.
     fn dissipation(&self) -> Dissipation {
         [0.0; 2]
     }
-    /// Ends the trial from `y` that `begin` started with the result `next`. `finish(first, part)` is called once for every
-    /// particle, in parts of any size and order: it gives the particles from `first` on their last touch and returns their
-    /// largest error, of which the largest becomes everybody's. Collective.
+    /// Ends the step that `begin` started from `y`. Its result is `next`. Collective.
+    ///
+    /// `finish(first, part)` completes the consecutive rows `part` of `next`, the first of which has the
+    /// index `first`. It returns the largest error of these rows.
+    ///
+    /// - `finish` is called exactly once for every row. The parts may have any size and come in any order,
+    ///   and several threads may call it at once.
+    /// - All processes receive the same outcome, with the largest error of all rows.
     fn agree(
         &mut self,
         y: &[Self::State],
         next: &mut [Self::State],
         finish: &(impl Fn(usize, &mut [Self::State]) -> f64 + Sync),
     ) -> TrialOutcome;
-    /// Length of a vector of the state space over all ranks, in a norm in which the stiff part of f is close to
-    /// symmetric; velocities dominate it. Collective.
+    /// Length of the vector `v` of the state space, over all processes. Collective.
+    ///
+    /// The norm is one in which the stiff part of f is close to symmetric. Velocities dominate it.
     fn length(&mut self, v: &[Self::State]) -> f64;
-    /// Adds `share` times a vector of about length 1 with a bit of every direction to `v`: it is a function of the particles'
-    /// ids and of `round` alone.
+    /// Adds `share` times a vector of length about 1 (in the norm of `length`) to `v`.
+    ///
+    /// This vector has a part in every direction. It depends only on `round` and on the identities of the
+    /// rows, not on which process owns them.
     fn add_direction(&mut self, round: u64, share: f64, v: &mut [Self::State]);
-    /// A length (in the norm of `length`) over which f is close to linear, and yet well above round-off.
+    /// A length (in the norm of `length`) over which f is close to linear, but which is well above round-off.
     fn small_length(&self) -> f64;
 }
 
-/// Power (W) or energy (J) lost by rebound and by friction.
+/// Power (W) or energy (J) that is lost, in two parts that the problem defines.
 pub type Dissipation = [f64; 2];
 
 /// Adds `s * other`.
@@ -126,27 +183,29 @@ pub(crate) fn add_dissipation(sum: &mut Dissipation, s: f64, other: &Dissipation
     sum[1] += s * other[1];
 }
 
-/// Where a step starts, and all that belongs to it: what moves along when particles change their places in memory.
+/// The start of a step: the last accepted state and what is known there.
+///
+/// All its vectors move along when rows change their owner or their index.
 #[derive(Debug, Clone)]
 pub struct StepStart<S> {
     /// Time, s.
     pub t: f64,
-    /// Last accepted state of the owned particles.
+    /// Last accepted state of the owned rows.
     pub y: Vec<S>,
-    /// f there (of velocity Verlet: at the last half step); of no use unless `slope_known`.
+    /// f at that state (for velocity Verlet: at the last half step); meaningless unless `slope_known`.
     pub slope: Vec<S>,
     /// Whether `slope` is f.
     pub slope_known: bool,
     /// Dissipation in `slope`, W.
     pub dissipation: Dissipation,
-    /// The stiffest direction, as far as it is known; of no use unless `direction_known`.
+    /// The stiffest direction found so far; meaningless unless `direction_known`.
     pub direction: Vec<S>,
-    /// Whether `direction` is one: the same on every rank, also where there are no particles.
+    /// Whether `direction` is known: the same on every process, also where one owns no rows.
     pub direction_known: bool,
 }
 
 impl<S: Linear> StepStart<S> {
-    /// At `y` at time `t` (s).
+    /// A start at state `y` and time `t` (s), of which nothing else is known.
     pub fn new(t: f64, y: Vec<S>) -> Self {
         StepStart {
             t,
@@ -159,7 +218,7 @@ impl<S: Linear> StepStart<S> {
         }
     }
 
-    /// Evaluates f unless it is known; returns the number of right-hand sides that took. Collective.
+    /// Evaluates f unless it is known. Returns the number of right-hand sides evaluated. Collective.
     pub fn find_slope<P: Ivp<State = S>>(&mut self, ivp: &mut P) -> u64 {
         if self.slope_known {
             return 0;
@@ -171,29 +230,31 @@ impl<S: Linear> StepStart<S> {
         1
     }
 
-    /// Memory held for states, bytes.
+    /// Memory held by the state vectors, bytes.
     pub fn bytes(&self) -> usize {
         [&self.y, &self.slope, &self.direction].map(Vec::capacity).iter().sum::<usize>() * size_of::<S>()
     }
 }
 
-/// The result of a trial step, and the room in which it is worked out. Between two trials that room serves whatever asks
-/// for right-hand sides: there is one for all methods, of which one is at work at a time.
+/// A trial step: its result, and the work space of the method.
+///
+/// One trial step serves all methods, since only one method is active at a time. Between two trials, other
+/// code that evaluates right-hand sides uses it as work space too.
 #[derive(Debug, Clone)]
 pub struct TrialStep<S> {
-    /// State at its end.
+    /// State at the end of the step.
     pub next: Vec<S>,
-    /// f at its end, if the method knows it; else a slope inside of the step.
+    /// f at the end of the step, if the method evaluates it there; otherwise a slope within the step.
     pub slope: Vec<S>,
-    /// What else the method keeps of the inside of the step: slopes or changes.
+    /// Further work space of the method: slopes, or changes of the state, within the step.
     pub stages: Vec<Vec<S>>,
-    /// Whether `slope` is f.
+    /// Whether `slope` is f at the end of the step.
     pub slope_known: bool,
     /// Dissipation in `slope`, W.
     pub dissipation: Dissipation,
-    /// Energy lost in the step by rebound and by friction, J.
+    /// Energy lost during the step, J.
     pub dissipated: Dissipation,
-    /// Right-hand sides that the trial took.
+    /// Right-hand sides that the trial evaluated.
     pub evaluations: u64,
 }
 
@@ -212,7 +273,7 @@ impl<S> Default for TrialStep<S> {
 }
 
 impl<S: Linear> TrialStep<S> {
-    /// Room for `n` particles, in `stages` vectors beside the result and its slope.
+    /// Makes room for `n` rows in the result, in its slope and in `stages` further vectors.
     fn reset(&mut self, n: usize, stages: usize) {
         if self.stages.len() < stages {
             self.stages.resize_with(stages, Vec::new);
@@ -225,18 +286,20 @@ impl<S: Linear> TrialStep<S> {
         self.evaluations = 0;
     }
 
-    /// Memory held for states, bytes.
+    /// Memory held by the state vectors, bytes.
     pub fn bytes(&self) -> usize {
         let stages: usize = self.stages.iter().map(Vec::capacity).sum();
         (self.next.capacity() + self.slope.capacity() + stages) * size_of::<S>()
     }
 }
 
-/// Makes `vector` of length `n`, whatever it holds. Particles that arrive one by one must not double its memory, as
-/// `Vec::resize` would: where it grows it takes a sixteenth more than it needs.
+/// Gives `vector` the length `n`. Its contents are unspecified afterwards.
+///
+/// It grows by a sixteenth more than it needs. `Vec::resize` would double the memory of a vector that grows
+/// by a few rows at a time.
 fn fit<S: Linear>(vector: &mut Vec<S>, n: usize) {
     if n > vector.capacity() {
-        // What it held is of no use: let go of it before there is a second one.
+        // The old contents are not needed: free them before allocating again.
         *vector = Vec::new();
         vector.reserve_exact(n + n / 16);
     }
@@ -246,10 +309,10 @@ fn fit<S: Linear>(vector: &mut Vec<S>, n: usize) {
 /// How the error of a step is measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Norm {
-    /// Scales of the state.
+    /// Weights of the components.
     pub weights: Weights,
-    /// The paper's: 3/h times the local error, which is the published rate of Merson's method; otherwise the local
-    /// error itself.
+    /// Whether the error is a rate, as in the paper: 3/h times the local error, as published for Merson's
+    /// method. Otherwise it is the local error itself.
     pub rate: bool,
 }
 
@@ -257,9 +320,9 @@ pub struct Norm {
 pub trait Method<P: Ivp> {
     /// Name in the scene file.
     fn name(&self) -> &'static str;
-    /// The error of a step shrinks as h to this power.
+    /// The power of h with which the error of a step shrinks.
     fn error_order(&self) -> f64;
-    /// Takes a trial step `h` (s) from `anchor` and leaves the result in `trial`. Collective.
+    /// Takes a trial step of size `h` (s) from `step_start` and leaves the result in `trial`. Collective.
     fn attempt(
         &mut self,
         ivp: &mut P,
@@ -268,9 +331,11 @@ pub trait Method<P: Ivp> {
         norm: &Norm,
         trial: &mut TrialStep<P::State>,
     ) -> TrialOutcome;
-    /// The largest step (s) that is stable from `anchor`, as far as the method knows; infinite if its error tells.
-    /// May evaluate right-hand sides, whose number it returns. Collective.
-    /// `trial` lends its room and loses its result.
+    /// The largest stable step (s) from `step_start`, and the number of right-hand sides evaluated to find
+    /// it. Collective.
+    ///
+    /// The step is infinite where the method has no estimate: its error then limits the step. `trial` is used
+    /// as work space: its result is lost.
     fn stable_step(
         &mut self,
         _ivp: &mut P,
@@ -279,8 +344,11 @@ pub trait Method<P: Ivp> {
     ) -> (f64, u64) {
         (f64::INFINITY, 0)
     }
-    /// Upper bound of the spectral radius at `anchor`, 1/s, and the right-hand sides that took; infinite if the method has
-    /// no estimate. Collective. `trial` lends its room and loses its result.
+    /// Upper bound of the spectral radius at the start of the step (1/s), and the number of right-hand sides
+    /// evaluated to find it. Collective.
+    ///
+    /// The bound is infinite if the method has no estimate. `trial` is used as work space: its result is
+    /// lost.
     fn spectral_bound(
         &mut self,
         _ivp: &mut P,
@@ -289,16 +357,17 @@ pub trait Method<P: Ivp> {
     ) -> (f64, u64) {
         (f64::INFINITY, 0)
     }
-    /// The last bound found, 1/s, if the method has an estimate.
+    /// The last bound found, 1/s, if the method estimates the spectral radius.
     fn known_bound(&self) -> Option<f64> {
         None
     }
-    /// Whether the method has a dense output.
+    /// Whether the method has a dense output: states within a step.
     fn has_inside(&self) -> bool;
-    /// The last trial was rejected for its error.
+    /// Tells the method that the last trial was rejected for its error.
     fn rejected(&mut self) {}
-    /// The state of owned particle `i` at a `share` of the last trial, a step `h` (s) that stands, if the method has a
-    /// dense output.
+    /// Dense output: the state of owned row `i` within the last trial, an accepted step of size `h` (s).
+    ///
+    /// `share` is the share of the step, 0 to 1. None if the method has no dense output.
     fn inside(
         &self,
         share: f64,
@@ -307,7 +376,7 @@ pub trait Method<P: Ivp> {
         trial: &TrialStep<P::State>,
         i: usize,
     ) -> Option<P::State>;
-    /// Error of owned particle `i` in the last trial, of step `h` (s).
+    /// Error of owned row `i` in the last trial, of step size `h` (s).
     fn error_of(
         &self,
         i: usize,
@@ -316,17 +385,18 @@ pub trait Method<P: Ivp> {
         step_start: &StepStart<P::State>,
         trial: &TrialStep<P::State>,
     ) -> f64;
-    /// State vectors in [`TrialStep::stages`] that the method uses.
+    /// Number of vectors in [`TrialStep::stages`] that the method uses.
     fn stages(&self) -> usize;
-    /// What the method remembers from one step to the next, if anything.
+    /// What the method carries over from one step to the next, if anything.
     fn memory(&self) -> Option<SpectralRadius> {
         None
     }
-    /// Takes up what `memory` gave, in this process or another.
+    /// Restores what `memory` returned, in this process or another.
     fn recall(&mut self, _memory: SpectralRadius) {}
 }
 
-/// The cubic through the states and slopes at both ends of a step `h` (s), at a `share` of it.
+/// The cubic through the states and slopes at both ends of a step `h` (s), evaluated at a `share` of the
+/// step.
 pub(crate) fn hermite<S: Linear>(share: f64, h: f64, [y0, f0]: [&S; 2], [y1, f1]: [&S; 2]) -> S {
     let rest = 1.0 - share;
     let mut state = S::zero();

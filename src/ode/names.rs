@@ -1,12 +1,15 @@
-//! The names of methods and norms: the one place that knows them.
+//! The names of methods and norms. They are defined nowhere else.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
-/// A choice among a few, each with one name that scenes, options, files and tables use.
+/// Defines an enum whose variants each have one name, which scenes, options, files and tables use.
 macro_rules! named {
-    ($(#[$doc:meta])* $type:ident, $what:literal { $($(#[$variant_doc:meta])* $variant:ident = $name:literal,)* }) => {
+    (
+        $(#[$doc:meta])* $type:ident, $what:literal
+        { $($(#[$variant_doc:meta])* $variant:ident = $name:literal,)* }
+    ) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         pub enum $type {
@@ -14,12 +17,12 @@ macro_rules! named {
         }
 
         impl $type {
-            /// All of them.
+            /// All variants.
             pub const ALL: &[$type] = &[$($type::$variant),*];
-            /// Their names, in the same order.
+            /// The names of all variants, in the same order.
             pub const NAMES: &[&str] = &[$($name),*];
 
-            /// Its name.
+            /// Name of this variant.
             pub const fn name(self) -> &'static str {
                 Self::NAMES[self as usize]
             }
@@ -43,13 +46,13 @@ macro_rules! named {
 }
 
 named! {
-    /// A method that takes the steps, as `solver.method` names it.
+    /// A method, as `solver.method` names it.
     MethodName, "the name of a method" {
-        /// The cheaper of an explicit and a stabilised method, step by step.
+        /// Switches between an explicit and the stabilised method, to the one that needs less work.
         Auto = "auto",
-        /// Merson's method of order 4 with an error estimate, the published one.
+        /// Merson's method of order 4 with an error estimate, as published.
         Merson = "merson",
-        /// The method of Dormand and Prince, order 5 with an estimate of order 4.
+        /// The method of Dormand and Prince of order 5, with an error estimate of order 4.
         DormandPrince = "dormand-prince",
         /// The stabilised method, a Runge-Kutta-Chebyshev method of order 2.
         Chebyshev = "chebyshev",
@@ -63,7 +66,7 @@ named! {
     NormName, "the name of a norm" {
         /// Positions over the radius, velocities over a velocity scale.
         Scaled = "scaled",
-        /// The published error rate, in mixed units.
+        /// The published error rate, with components in different units.
         Paper = "paper",
     }
 }

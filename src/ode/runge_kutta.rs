@@ -1,32 +1,34 @@
-//! One trial step of any explicit Runge-Kutta table.
+//! Trial steps of any explicit Runge-Kutta method, given as a table.
 
 use super::{
     Dissipation, Ivp, Linear, Method, Norm, StepStart, Tableau, TrialOutcome, TrialStep, add_dissipation,
 };
 use crate::math::larger;
 
-/// Stages of a table at most.
+/// Largest number of stages of a table.
 const MOST: usize = 7;
 
-/// Slopes of all stages by stage, that of stage 0 first. Where one has given its place to a later one, that is there
-/// instead; all its weights from there on are 0.
+/// The slopes of all stages, that of stage 0 first.
+///
+/// A slope that is no longer needed may have been overwritten by the slope of a later stage, which is then
+/// found in both entries. All later weights of the overwritten slope are 0.
 type Slopes<'a, S> = [&'a [S]; MOST];
 
-/// The method of one table.
+/// The Runge-Kutta method of one table.
 pub struct RungeKutta {
     tableau: &'static Tableau,
-    /// Where the slopes of stages 1, 2, ... are kept.
+    /// Slots that keep the slopes of stages 1, 2, ..., as `slots` assigns them.
     slots: Vec<usize>,
     dissipation: Vec<Dissipation>,
 }
 
 impl RungeKutta {
-    /// For `tableau`.
+    /// The method of `tableau`.
     pub fn new(tableau: &'static Tableau) -> Self {
         RungeKutta { tableau, slots: slots(tableau), dissipation: vec![[0.0; 2]; tableau.stages() - 1] }
     }
 
-    /// The slopes of a trial whose vectors are `slope` and `stages`.
+    /// The slopes of a trial whose vectors are `slope` and `stages`; `first` is the slope of stage 0.
     #[inline(always)]
     fn slopes<'a, S>(&self, first: &'a [S], slope: &'a [S], stages: &'a [Vec<S>]) -> Slopes<'a, S> {
         let mut slopes: Slopes<'a, S> = [&[]; MOST];
@@ -37,7 +39,7 @@ impl RungeKutta {
         slopes
     }
 
-    /// Error of particle `i` in the given norm.
+    /// Error of row `i` in the given norm.
     #[inline(always)]
     fn error<S: Linear>(&self, i: usize, h: f64, norm: &Norm, slopes: &Slopes<S>) -> f64 {
         let scale = if norm.rate { 1.0 } else { h / 3.0 };
@@ -45,7 +47,7 @@ impl RungeKutta {
     }
 }
 
-/// The weighted sum of the slopes of particle `i`, times `h`.
+/// The weighted sum of the slopes of row `i`, times `h`.
 #[inline(always)]
 fn combine<S: Linear>(weights: &[f64], h: f64, slopes: &Slopes<S>, i: usize) -> S {
     let mut sum = S::zero();
@@ -57,16 +59,19 @@ fn combine<S: Linear>(weights: &[f64], h: f64, slopes: &Slopes<S>, i: usize) -> 
     sum
 }
 
-/// The vector at a place, as `places` gives them.
+/// The vector in a slot that `slots` assigned.
 fn vector_at<'a, S>(slot: usize, slope: &'a mut Vec<S>, stages: &'a mut [Vec<S>]) -> &'a mut Vec<S> {
     if slot == 0 { slope } else { &mut stages[slot - 1] }
 }
 
-/// Where the slopes of stages 1, 2, ... of `tableau` are kept: 0 is the slope of the trial, k its `stages[k - 1]`. A slope
-/// that no later stage, nor result, error or dense output needs gives its place to the next one.
+/// Assigns slots to the slopes of stages 1, 2, ... of `tableau`: 0 is the slope of the trial, k is its
+/// `stages[k - 1]`.
+///
+/// A slot is used again once no later stage needs its slope, and neither do the result, the error and the
+/// dense output.
 fn slots(tableau: &Tableau) -> Vec<usize> {
     let end = tableau.stages();
-    // No weight of a dense output vanishes inside of the step unless it always does.
+    // A weight of the dense output that is 0 at this point is 0 everywhere in the step.
     let inside = tableau.dense.map(|weights| weights(0.3));
     let is_kept = |s: usize| {
         tableau.b[s] != 0.0 || tableau.error[s] != 0.0 || inside.is_some_and(|weights| weights[s] != 0.0)
@@ -74,11 +79,12 @@ fn slots(tableau: &Tableau) -> Vec<usize> {
     let last_use = |s: usize| {
         if is_kept(s) { end } else { (s + 1..end).rev().find(|&t| tableau.a[t][s] != 0.0).unwrap_or(s) }
     };
-    // The last stage that needs what is in a place. The slope of the trial waits for that of its end, if there is one.
+    // The last stage that needs the slope in each slot. Slot 0 is kept free for the slope at the end of the
+    // step, if the method evaluates it.
     let mut taken = vec![if tableau.first_same_as_last { end } else { 0 }];
     let mut slots = Vec::new();
     for s in 1..end {
-        // When this slope comes its stage is already made.
+        // Stage s itself may still need the old slope: the stage is computed before its slope is stored.
         let slot = if tableau.first_same_as_last && s + 1 == end {
             0
         } else {
@@ -118,7 +124,8 @@ impl<P: Ivp> Method<P> for RungeKutta {
         let (y, first) = (&step_start.y, &step_start.slope);
         let TrialStep { next, slope, stages, .. } = &mut *trial;
         for s in 1..table.stages() {
-            // The new slope takes the place of one that this stage may still be made of.
+            // The new slope overwrites an old one that this stage may still need. `make` finds the old one in
+            // `dydt`.
             let slot = self.slots[s - 1];
             let mut new = std::mem::take(vector_at(slot, slope, stages));
             let slopes = self.slopes(first, slope, stages);
@@ -145,7 +152,7 @@ impl<P: Ivp> Method<P> for RungeKutta {
         let finish = |start: usize, part: &mut [P::State]| {
             let mut worst = 0.0;
             for (i, next) in (start..).zip(part) {
-                // Where the last stage is the result it is there.
+                // If the last stage is the result, `next` already holds it.
                 if !table.first_same_as_last {
                     *next = y[i];
                     next.add_scaled(1.0, &combine(table.b, h, &slopes, i));
@@ -209,7 +216,7 @@ mod tests {
 
     #[test]
     fn slopes_share_places_where_none_is_needed_any_more() {
-        // Merson needs the slope of stage 1 for stage 2 alone; Dormand-Prince its own for stages 2 to 5.
+        // Merson needs the slope of stage 1 for stage 2 only; Dormand-Prince needs it for stages 2 to 5.
         assert_eq!(slots(&MERSON), [0, 0, 1, 2]);
         assert_eq!(slots(&DORMAND_PRINCE), [1, 2, 3, 4, 1, 0]);
     }

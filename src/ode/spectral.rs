@@ -1,29 +1,32 @@
-//! How stiff the problem is at a state: the spectral radius of df/dy by a power iteration that needs f alone.
+//! Stiffness at a state: the spectral radius of df/dy, by a power iteration that evaluates f only.
 
 use super::{Ivp, Linear, StepStart, TrialStep, fit};
 use crate::threads::{self, GRAIN};
 use serde::{Deserialize, Serialize};
 
-/// The estimate is multiplied by this: a power iteration approaches from below. Damping allows for more, and a step that
-/// was unstable all the same is rejected for its error. (Tried: 1.0 to 1.5, with the same share of rejected steps.)
+/// Safety factor on the estimate, because a power iteration approaches the radius from below.
+///
+/// A small factor is enough: damping leaves a margin, and a step that is unstable all the same is rejected
+/// for its error.
 const SAFETY: f64 = 1.05;
-/// States that share an estimate: stiffness changes little from a step to the next.
+/// Number of states that share one estimate: stiffness changes little from one step to the next.
 const SHARED: u32 = 2;
-/// An iteration that changes the estimate by less than this share is the last one.
+/// The iteration ends when it changes the estimate by less than this share.
 const SETTLED: f64 = 0.1;
-/// Iterations at one state at most, with and without a good direction to start from.
+/// Largest number of iterations at one state, with and without a good direction to start from.
 const MOST: [u32; 2] = [3, 12];
-/// Share of every other direction that is mixed in, so that stiffness that comes up elsewhere is found.
+/// Share of every other direction that is added before an iteration. It lets the iteration find stiffness
+/// that arises elsewhere.
 const MIXED_IN: f64 = 0.02;
 
-/// Estimate of the spectral radius along a run.
+/// Estimate of the spectral radius, updated along a run.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SpectralRadius {
     estimate: f64,
-    /// Length of the image of a vector of length 1 in the last iteration, 1/s.
+    /// Factor by which the last iteration stretched its vector, 1/s.
     stretch: f64,
     doubted: bool,
-    /// States that the last estimate served.
+    /// Number of states that have used the last estimate.
     served: u32,
     round: u64,
 }
@@ -35,18 +38,20 @@ impl Default for SpectralRadius {
 }
 
 impl SpectralRadius {
-    /// Upper bound of the spectral radius, as far as it is known, 1/s.
+    /// Upper bound of the spectral radius as last estimated, 1/s.
     pub fn bound(&self) -> f64 {
         SAFETY * self.estimate
     }
 
-    /// A step has failed: the next estimate takes more care.
+    /// Tells that a step has failed: the next estimate takes more iterations.
     pub fn doubt(&mut self) {
         self.doubted = true;
     }
 
-    /// Estimates at `anchor`, whose slope must be known, from the direction found so far, and improves that direction.
-    /// Returns the number of right-hand sides. Collective. `trial` lends its room and loses its result.
+    /// Improves the stiffest direction at `step_start`, whose slope must be known, and the estimate.
+    /// Collective.
+    ///
+    /// Returns the number of right-hand sides evaluated. `trial` is used as work space: its result is lost.
     pub fn update<P: Ivp>(
         &mut self,
         ivp: &mut P,
@@ -59,7 +64,7 @@ impl SpectralRadius {
         }
         self.served = 1;
         fit(&mut trial.slope, step_start.y.len());
-        // Without stiffness before, as in free flight, there is no direction to go on with.
+        // If nothing was stiff before, there is no direction to start from.
         let careful = self.doubted || self.stretch == 0.0;
         self.mix(ivp, &mut step_start.direction, step_start.y.len());
         step_start.direction_known = true;
@@ -73,7 +78,7 @@ impl SpectralRadius {
             let found = Self::apply(ivp, step_start, trial, length);
             evaluations += 1;
             let ratio = found / self.stretch;
-            // Of an oscillation every other image is short: the mean of two tells.
+            // For an oscillation, long and short images alternate: take the geometric mean of two.
             let steady = (0.5..=2.0).contains(&ratio);
             self.estimate = if steady || k == 0 { found } else { (found * self.stretch).sqrt() };
             self.stretch = found;
@@ -85,8 +90,10 @@ impl SpectralRadius {
         evaluations
     }
 
-    /// Puts the image of the direction, divided by its `length`, in its place: the derivative of f along it.
-    /// Returns the length of the image. Collective.
+    /// Replaces the direction, divided by its `length`, by its image: the derivative of f along it.
+    /// Collective.
+    ///
+    /// Returns the length of the image.
     fn apply<P: Ivp>(
         ivp: &mut P,
         step_start: &mut StepStart<P::State>,
@@ -118,7 +125,8 @@ impl SpectralRadius {
         ivp.length(direction)
     }
 
-    /// Adds a little of every direction to `direction`, of `n` particles; all of it where there is none yet.
+    /// Adds a small part of every direction to `direction`, of `n` rows. If there is no direction yet,
+    /// creates one.
     fn mix<P: Ivp>(&mut self, ivp: &mut P, direction: &mut Vec<P::State>, n: usize) {
         self.round += 1;
         let mut share = MIXED_IN * self.stretch;

@@ -1,29 +1,31 @@
-//! Explicit Runge-Kutta methods as tables.
+//! Explicit Runge-Kutta methods as tables of coefficients.
 
 /// An explicit Runge-Kutta method with an error estimate.
 #[derive(Debug)]
 pub struct Tableau {
     /// Name in the scene file.
     pub name: &'static str,
-    /// Order of the solution.
+    /// Order of the result.
     pub order: u32,
-    /// Stage times as shares of the step.
+    /// Times of the stages as shares of the step.
     pub c: &'static [f64],
-    /// Row s: weights of the slopes 0..s in stage s.
+    /// Row s holds the weights of the slopes 0..s in stage s.
     pub a: &'static [&'static [f64]],
-    /// Weights of the slopes in the solution.
+    /// Weights of the slopes in the result.
     pub b: &'static [f64],
-    /// Weights of the slopes in three times the estimate of the local error over h: for Merson's method this is the
-    /// published error rate.
+    /// Weights of the slopes in the error rate: 3/h times the estimate of the local error. For Merson's
+    /// method this is the published rate.
     pub error: &'static [f64],
-    /// The error of a step shrinks as h to this power.
+    /// The power of h with which the error of a step shrinks.
     pub error_order: f64,
-    /// The last stage is the result: its slope is the first one of the next step.
+    /// Whether the last stage is the result, so that its slope is the first one of the next step.
     pub first_same_as_last: bool,
-    /// Weights of the slopes in the state at a share of the step, of an order less than the solution; none: a frame takes
-    /// a step of its own.
+    /// Dense output: weights of the slopes in the state at a share of the step. Its order is one less than
+    /// that of the result.
+    ///
+    /// None if the method has no dense output; every frame then takes a step of its own.
     pub dense: Option<fn(f64) -> [f64; 7]>,
-    /// Steps are stable up to this over the spectral radius, where the stiff part is damped.
+    /// Largest stable step times the spectral radius, where the stiff part is damped.
     pub real_stability: f64,
 }
 
@@ -34,9 +36,12 @@ impl Tableau {
     }
 }
 
-/// Merson's method of order 4 with five stages. R. H. Merson (1957); J. Christiansen, Numer. Math. 14 (1970) 317.
-/// The error rate and the rule for the step are those of the paper's solver (P. Strachota, M. Beneš, ALGORITMY 2016,
-/// 23-32): the rate is 3/h times Merson's estimate of the local error.
+/// Merson's method of order 4 with five stages.
+///
+/// R. H. Merson (1957); J. Christiansen, Numer. Math. 14 (1970) 317.
+///
+/// The error rate and the step size rule are those of the paper's solver (P. Strachota, M. Beneš, ALGORITMY
+/// 2016, 23-32): the rate is 3/h times Merson's estimate of the local error.
 pub const MERSON: Tableau = Tableau {
     name: "merson",
     order: 4,
@@ -50,9 +55,11 @@ pub const MERSON: Tableau = Tableau {
     real_stability: 3.54,
 };
 
-/// The method of Dormand and Prince of order 5 with an embedded one of order 4, seven stages of which the last is the
-/// first of the next step: six right-hand sides a step. J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6 (1980)
-/// 19-26, table 2; MATLAB's ode45.
+/// The method of Dormand and Prince of order 5, with an embedded method of order 4.
+///
+/// The last of its seven stages is the first of the next step: a step takes six right-hand sides.
+///
+/// J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19-26, table 2; MATLAB's ode45.
 pub const DORMAND_PRINCE: Tableau = Tableau {
     name: "dormand-prince",
     order: 5,
@@ -67,7 +74,7 @@ pub const DORMAND_PRINCE: Tableau = Tableau {
         &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
     ],
     b: &[35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0, 0.0],
-    // Three times the difference to the weights of order 4.
+    // Three times the difference between the weights and those of order 4.
     error: &[
         3.0 * (35.0 / 384.0 - 5179.0 / 57600.0),
         0.0,
@@ -83,8 +90,10 @@ pub const DORMAND_PRINCE: Tableau = Tableau {
     real_stability: 3.31,
 };
 
-/// The continuous extension of order 4 of the method of Dormand and Prince: E. Hairer, S. P. Norsett, G. Wanner, Solving
-/// ODEs I, II.6. A cubic Hermite interpolant with a correction of degree four, written as weights of the slopes.
+/// Dense output of order 4 of the method of Dormand and Prince.
+///
+/// It is a cubic Hermite interpolant with a correction of degree four, written as weights of the slopes.
+/// E. Hairer, S. P. Norsett, G. Wanner, Solving ODEs I, II.6.
 fn dormand_prince_inside(share: f64) -> [f64; 7] {
     const CORRECTION: [f64; 7] = [
         -12715105075.0 / 11282082432.0,
@@ -113,7 +122,8 @@ mod tests {
         b.iter().enumerate().map(|(s, b)| b * f(s)).sum()
     }
 
-    /// Left and right sides of the conditions up to order four, of which 1, 2, 4 and 8 are those of each order.
+    /// Left and right sides of the conditions up to order four. The first 1, 2, 4 and 8 of them are those up
+    /// to order 1, 2, 3 and 4.
     fn conditions(table: &Tableau, b: &[f64]) -> Vec<(f64, f64)> {
         let row = |s: usize, f: &dyn Fn(usize) -> f64| weigh(table.a[s], f);
         let c = |s: usize| table.c[s];
@@ -190,7 +200,7 @@ mod tests {
 
     #[test]
     fn the_inside_of_a_step_of_dormand_and_prince_has_order_four() {
-        // The conditions of order q at a share theta of the step are those at its end times theta^q.
+        // The conditions of order q at a share theta of the step are those at its end, times theta^q.
         for share in [0.0f64, 0.1, 0.37, 0.5, 0.9, 1.0] {
             let weights = dormand_prince_inside(share);
             let orders = [1, 2, 3, 3, 4, 4, 4, 4];
@@ -201,7 +211,7 @@ mod tests {
         assert_eq!(dormand_prince_inside(1.0), DORMAND_PRINCE.b);
     }
 
-    /// The polynomial by which y' = z y grows in a step.
+    /// Growth factor of a step for y' = z y.
     fn growth(table: &Tableau, z: f64) -> f64 {
         let mut slopes: Vec<f64> = Vec::new();
         for s in 0..table.stages() {

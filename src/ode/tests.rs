@@ -1,4 +1,5 @@
-//! Every method against problems whose solutions are known: order, stability, inside of steps, counts.
+//! Every method is tested on problems with known solutions: order, stability, dense output, and counts of
+//! right-hand sides.
 
 use super::*;
 use crate::math::larger;
@@ -66,12 +67,12 @@ impl<F: Fn(f64, &Point) -> f64> Ivp for Points<F> {
     }
 }
 
-/// A damped pendulum with a push: nothing about it is linear.
+/// A damped pendulum with a periodic force. Nothing about it is linear.
 fn pendulum(t: f64, p: &Point) -> f64 {
     -p.x.sin() - 0.3 * p.v * p.v.abs() + 0.5 * t.cos()
 }
 
-/// The same without damping: the force depends on the position alone.
+/// A pendulum without damping: the force depends on the position alone.
 fn free_pendulum(_t: f64, p: &Point) -> f64 {
     -p.x.sin()
 }
@@ -79,7 +80,7 @@ fn free_pendulum(_t: f64, p: &Point) -> f64 {
 type Solve = fn(f64, &Point) -> f64;
 type Any = Box<dyn Method<Points<Solve>>>;
 
-/// State at t = 2 after `steps` steps, and right-hand sides.
+/// The state at t = 2 after `steps` steps, and the number of right-hand sides.
 fn integrate(method: &mut dyn Method<Points<Solve>>, force: Solve, steps: u32) -> (Point, u64) {
     let mut ivp = Points { force, evaluations: 0 };
     let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
@@ -99,7 +100,7 @@ fn distance(a: Point, b: Point) -> f64 {
     (a.x - b.x).hypot(a.v - b.v)
 }
 
-/// Order from three runs with ever smaller steps: no exact solution is needed.
+/// Observed order, from three runs with smaller and smaller steps. No exact solution is needed.
 fn observed_order(mut method: impl FnMut() -> Any, force: Solve, steps: u32) -> f64 {
     let mut run = |factor: u32| integrate(method().as_mut(), force, factor * steps).0;
     let (coarse, middle, fine) = (run(1), run(2), run(4));
@@ -131,7 +132,7 @@ fn velocity_verlet_has_order_2_where_forces_are_conservative_and_1_otherwise() {
 
 #[test]
 fn chebyshev_keeps_its_order_with_many_stages() {
-    // The stages follow from a stiffness of 2000 in a direction that decays at once.
+    // The number of stages follows from a stiffness of 2000, in a direction that decays at once.
     let stiff: Solve = |t, p| -2000.0 * (p.v - t.cos()) - t.sin();
     let exact = |steps: u32| {
         let (end, evaluations) = integrate(&mut Chebyshev::default(), stiff, steps);
@@ -139,7 +140,7 @@ fn chebyshev_keeps_its_order_with_many_stages() {
     };
     let ((coarse, few), (middle, _), (fine, _)) = (exact(100), exact(200), exact(400));
     assert!(few > 100 * 7, "{few} right-hand sides are no many stages");
-    // The velocity follows the forcing, whatever the step; the position tells.
+    // The velocity follows the forcing at any step size, so the order is measured on the position.
     let order = ((coarse.x - middle.x) / (middle.x - fine.x)).log2();
     assert!((order - 2.0).abs() < 0.3, "order {order}");
 }
@@ -169,11 +170,11 @@ fn the_stabilised_method_is_stable_along_the_real_axis_as_far_as_it_says() {
             (1..=2000).map(|k| chebyshev_growth(s, Vector2::new(-edge * f64::from(k) / 2000.0, 0.0)));
         let worst = inside.fold(0.0, f64::max);
         assert!(worst <= 1.0, "{s} stages: {worst} inside {edge}");
-        // With few stages, or an odd number of them, the interval is a little longer.
+        // With few stages, or an odd number of them, the stable interval is a little longer.
         let margin = if s < 10 { 1.3 } else { 1.06 };
         let beyond = chebyshev_growth(s, Vector2::new(-margin * edge, 0.0));
         assert!(beyond > 1.0, "{s} stages: {beyond} beyond the edge");
-        // Damped in the middle: at most 1 - epsilon/3, and a bit for few stages.
+        // In the middle the factor is at most 1 - epsilon/3, or slightly more with few stages.
         if s >= 5 {
             let middle = chebyshev_growth(s, Vector2::new(-0.5 * edge, 0.0));
             assert!(middle < 1.0 - chebyshev::DAMPING / 4.0, "{s} stages: {middle}");
@@ -193,7 +194,7 @@ fn the_stabilised_method_is_stable_for_damped_waves() {
         let width = (1..400).map(|k| f64::from(k) / 100.0).take_while(|&width| stable(width)).last();
         println!("{s} stages: waves with |Im(h lambda)| up to {width:?} decay");
         assert!(width.is_some_and(|width| width >= if s < 10 { 0.45 } else { 1.0 }), "{s} stages: {width:?}");
-        // Without damping a wave grows: such a problem is none for this method.
+        // Without damping a wave grows: the method is not meant for such a problem.
         assert!(chebyshev_growth(s, Vector2::new(0.0, 2.0)) > 1.0);
     }
 }
@@ -229,7 +230,7 @@ fn first_same_as_last_and_rejected_trials_save_right_hand_sides() {
     assert_eq!(counts(&mut RungeKutta::new(&MERSON)), 50);
     assert_eq!(counts(&mut RungeKutta::new(&DORMAND_PRINCE)), 61);
     assert_eq!(counts(&mut Verlet), 11);
-    // A repeated trial knows the slope at its start, and gives the same.
+    // A repeated trial knows the slope at its start and gives the same result.
     let mut ivp: Points<Solve> = Points { force: free_pendulum, evaluations: 0 };
     let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.0 }]);
     let norm = Norm { weights: Weights::MIXED, rate: true };
@@ -260,7 +261,7 @@ fn the_inside_of_a_step_joins_its_ends_smoothly() {
         assert!(
             distance(inside(0.0), step_start.y[0]) < 1e-15 && distance(inside(1.0), trial.next[0]) < 1e-15
         );
-        // Against many small steps of the most accurate method to the middle of the step.
+        // The reference is many small steps of the most accurate method, up to the middle of the step.
         let mut fine = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
         let (mut exact, mut step) = (RungeKutta::new(&DORMAND_PRINCE), TrialStep::default());
         for _ in 0..25 {
@@ -275,7 +276,7 @@ fn the_inside_of_a_step_joins_its_ends_smoothly() {
 
 #[test]
 fn what_is_lost_is_integrated_as_well_as_the_motion() {
-    /// x'' = -c v loses the power c v^2; the work from v = 1 to t = 1 is (1 - e^(-2c))/2.
+    /// x'' = -c v, which loses the power c v^2. The energy lost from v = 1 up to t = 1 is (1 - e^(-2c))/2.
     struct Brake(Points<Solve>);
     impl Ivp for Brake {
         type State = Point;

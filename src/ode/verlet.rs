@@ -1,13 +1,15 @@
-//! Velocity Verlet with a fixed step, the yardstick of other DEM codes.
+//! Velocity Verlet with a fixed step, for comparison with other DEM codes.
 //!
-//! L. Verlet, Phys. Rev. 159 (1967) 98; W. C. Swope et al., J. Chem. Phys. 76 (1982) 637. As in LAMMPS and LIGGGHTS the
-//! forces are evaluated once a step, at the new positions and the velocities of the half step. That is of order 2 where
-//! forces depend on positions alone and of order 1 where they depend on velocities.
+//! L. Verlet, Phys. Rev. 159 (1967) 98; W. C. Swope et al., J. Chem. Phys. 76 (1982) 637.
+//!
+//! As in LAMMPS and LIGGGHTS, forces are evaluated once a step, at the new positions and the velocities of
+//! the half step. The order is 2 where forces depend on positions alone, and 1 where they depend on
+//! velocities.
 
 use super::{Ivp, Linear, Method, Norm, StepStart, TrialOutcome, TrialStep, add_dissipation};
 use crate::math::larger;
 
-/// The method, which remembers nothing.
+/// The method. It carries nothing over from step to step.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Verlet;
 
@@ -32,7 +34,7 @@ impl<P: Ivp> Method<P> for Verlet {
         ivp.begin();
         trial.evaluations = step_start.find_slope(ivp);
         let (y, first) = (&step_start.y, &step_start.slope);
-        // New positions with the velocities of the half step, and then those of the whole.
+        // The stage has the new positions and the velocities of the half step.
         let make = |_: usize,
                     start: usize,
                     [next]: [&mut [P::State]; 1],
@@ -57,7 +59,7 @@ impl<P: Ivp> Method<P> for Verlet {
                 next.kick(0.5 * h, slope);
                 largest = larger(largest, next.max_abs());
             }
-            // There is no estimate of the error: a step stands if it is finite.
+            // There is no error estimate: a step is accepted if it is finite.
             if largest < f64::INFINITY { 0.0 } else { f64::INFINITY }
         };
         ivp.agree(y, next, &finish)
@@ -67,7 +69,7 @@ impl<P: Ivp> Method<P> for Verlet {
         true
     }
 
-    /// Constant acceleration up to the half step: the parabola of the scheme itself.
+    /// The parabola of the scheme itself: the acceleration is constant up to the half step.
     fn inside(
         &self,
         share: f64,

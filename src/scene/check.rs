@@ -1,4 +1,5 @@
-//! Holds a scene against the list of keys (names, types, ranges), then checks what relates one key to another.
+//! Checks a scene: first each key against the list of keys (name, type, range), then how keys relate to each
+//! other.
 
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
@@ -9,27 +10,29 @@ use super::{BoxSides, Checkpoint, Container, Grid, Scene, Stop};
 use crate::error::Error;
 use crate::ode::MethodName;
 
-/// Frames that one run may write.
+/// Largest number of frames that a run may write.
 const MOST_FRAMES: f64 = 1e7;
 
-/// Room that is no cell: a side may be short of a whole number of cells by this part of one.
+/// Tolerance for rounding: a side may be this fraction of a cell shorter than a whole number of cells.
 const PART_OF_CELL: f64 = 1e-9;
 
-/// Whole cells of size `spacing` that fit into `side`, both m.
+/// Number of whole cells of size `spacing` (m) that fit into `side` (m).
 pub(crate) fn cells_along(side: f64, spacing: f64) -> u64 {
-    // `as` saturates, so that a side of any length gives a number.
+    // `as` saturates, so an infinite or very long side gives the largest number.
     (side / spacing + PART_OF_CELL).floor() as u64
 }
 
-/// A mistake in one key: where, and what to say.
+/// A mistake in one key: its position and the message.
 struct Mistake {
     span: Option<Span>,
-    /// Missing keys come after everything that stands in the text.
+    /// Whether the key is missing. Such mistakes are reported after all mistakes in keys that are given.
     missing: bool,
     message: String,
 }
 
-/// Checks names, types and ranges of every key, and that none is missing; remembers where each one is.
+/// Checks name, type and range of every key, and that no required key is missing. Stores the position of each
+/// key.
+///
 /// Reports the first mistake in the order of the text.
 pub(super) fn keys_and_values(source: &mut Source, table: &DeTable) -> Result<(), Error> {
     let mut mistakes = Vec::new();
@@ -41,7 +44,8 @@ pub(super) fn keys_and_values(source: &mut Source, table: &DeTable) -> Result<()
     }
 }
 
-/// `schema` is the path of the table in the list of keys, `shown` the same with the numbers of list entries.
+/// Checks one table. `schema` is its path in the list of keys, `shown` the same with the numbers of list
+/// entries.
 fn check_table(
     source: &mut Source,
     table: &DeTable,
@@ -111,9 +115,9 @@ fn check_value(
 
 /// How a value does not fit its key.
 enum Misfit {
-    /// The right type, outside a range with two ends.
+    /// The type is right, but the value is outside a range with two ends.
     Interrupts(&'static str),
-    /// Anything else: the key says what it needs.
+    /// Anything else. The message quotes what the key needs.
     NotThat,
 }
 
@@ -149,14 +153,14 @@ fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
     if fitting { Ok(()) } else { Err(Misfit::NotThat) }
 }
 
-/// The value of a number or an integer; none where it is too large for a double, or an integer beyond 64 bits.
+/// The value of a number or an integer; `None` if it is too large for a double, or an integer beyond 64 bits.
 fn number(value: &DeValue) -> Option<f64> {
     match value {
         DeValue::Float(float) => {
             let written = float.as_str();
             written.parse().ok().filter(|number: &f64| !number.is_infinite() || written.contains("inf"))
         }
-        // An integer beyond 64 bits is refused: serde would not take it for a number either.
+        // An integer beyond 64 bits is refused, since serde would not read it as a number either.
         DeValue::Integer(integer) => integer_of(integer)
             .filter(|&integer| i64::try_from(integer).is_ok() || u64::try_from(integer).is_ok())
             .map(|integer| integer as f64),
@@ -172,10 +176,11 @@ fn joined(table: &str, name: &str) -> String {
     if table.is_empty() { name.to_owned() } else { format!("{table}.{name}") }
 }
 
-/// What to say about a key that does not exist: the nearest ones that do.
+/// The message for a key that does not exist: with the most similar key, and the keys of its table.
 fn unknown(schema: &str, shown: &str, name: &str) -> String {
     let known: Vec<_> = keys::of_table(schema).map(Key::name).collect();
-    // The distance of two words takes time and memory in proportion to the product of their lengths.
+    // Shorten the name first: time and memory for the distance of two words grow as the product of their
+    // lengths.
     let name = &brief(name);
     let near = |other: &str| strsim::normalized_damerau_levenshtein(&name.to_lowercase(), other);
     const NEAR_ENOUGH: f64 = 0.6;
@@ -200,7 +205,7 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
     format!("unknown key {}: {hint}{table} knows {}", joined(shown, name), known.join(", "))
 }
 
-/// Checks what relates one key to another.
+/// Checks how keys relate to each other.
 pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
     one_source(source, scene)?;
     if let Some(sides) = &scene.container.r#box {
@@ -210,7 +215,8 @@ pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
         if wall.normal == [0.0; 3] {
             let path = format!("container.wall[{number}].normal");
             let message = format!(
-                "{path} = [0, 0, 0] has no direction: it is the outward normal of the wall, e.g. normal = [0.0, 0.0, -1.0]"
+                "{path} = [0, 0, 0] has no direction: it is the outward normal of the wall, e.g. normal = \
+                 [0.0, 0.0, -1.0]"
             );
             return Err(source.error(source.value(&path), &message));
         }
@@ -230,12 +236,16 @@ fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {
         (Some(_), Some(_)) => Err(source.error(
             source.key("particles.file"),
             &format!(
-                "particles.file and particles.grid contradict each other: exactly one says where the spheres start, {example}"
+                "particles.file and particles.grid contradict each other: exactly one says where the spheres \
+                 start, {example}"
             ),
         )),
         (None, None) => Err(source.error(
             source.key("particles"),
-            &format!("particles.file or particles.grid is missing: one of them must say where the spheres start, {example}"),
+            &format!(
+                "particles.file or particles.grid is missing: one of them must say where the spheres \
+                      start, {example}"
+            ),
         )),
         _ => Ok(()),
     }
@@ -255,7 +265,8 @@ fn box_sides(source: &Source, sides: &BoxSides) -> Result<(), Error> {
         if min >= max {
             let place = source.value("container.box.max").or_else(|| source.value("container.box.min"));
             let message = format!(
-                "container.box is empty in {axis}: container.box.min = {min} m must be less than container.box.max = {max} m"
+                "container.box is empty in {axis}: container.box.min = {min} m must be less than \
+                 container.box.max = {max} m"
             );
             return Err(source.error(place, &message));
         }
@@ -263,7 +274,7 @@ fn box_sides(source: &Source, sides: &BoxSides) -> Result<(), Error> {
     Ok(())
 }
 
-/// A grid is counted from a box that is finite in x and y, and needs room for one cell.
+/// Checks that a grid has a box that is finite in x and y, with room for at least one cell.
 fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<(), Error> {
     let Some(sides) = &container.r#box else {
         let message = "particles.grid needs container.box with finite sides in x and y, which is missing, \
@@ -284,8 +295,8 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
         let side = max - min;
         if cells_along(side, grid.spacing) == 0 {
             let message = format!(
-                "{} is larger than the side of container.box in {axis}, {side} m: not one cell of the grid fits in, it must \
-                 be at most that",
+                "{} is larger than the side of container.box in {axis}, {side} m: not one cell of the grid \
+                 fits in, it must be at most that",
                 source.setting("particles.grid.spacing", grid.spacing, "m")
             );
             let place = source.value("particles.grid.spacing").or_else(|| source.value("container.box.max"));
@@ -295,7 +306,7 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
     Ok(())
 }
 
-/// A fixed step belongs to velocity-verlet, a tolerance to all other methods.
+/// Checks that velocity-verlet has a fixed step and no tolerance, and that no other method has a fixed step.
 fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
     let solver = &scene.solver;
     let fixed = solver.method == MethodName::VelocityVerlet;
@@ -318,7 +329,8 @@ fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
         (false, Some(_), _) => (
             "solver.step",
             format!(
-                "{} is for method = \"velocity-verlet\" alone: leave it out, the step of {} follows from solver.tolerance",
+                "{} is for method = \"velocity-verlet\" alone: leave it out, the step of {} follows from \
+                 solver.tolerance",
                 given("solver.step"),
                 solver.method
             ),
@@ -352,12 +364,13 @@ fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
     Err(source.error(place, &message))
 }
 
-/// A table that asks for nothing is a mistake.
+/// Checks that `[stop]` and `[checkpoint]`, if they are given, contain a criterion.
 fn checkpoints(source: &Source, scene: &Scene) -> Result<(), Error> {
     if let Some(Stop { kinetic_energy: None, unbalanced_force: None, height_change: None, .. }) = scene.stop {
         return Err(source.error(
             source.key("stop"),
-            "[stop] needs kinetic_energy (J a sphere), unbalanced_force or height_change (m), e.g. kinetic_energy = 1e-6",
+            "[stop] needs kinetic_energy (J a sphere), unbalanced_force or height_change (m), e.g. \
+             kinetic_energy = 1e-6",
         ));
     }
     match &scene.checkpoint {
@@ -377,8 +390,8 @@ fn frames(source: &Source, scene: &Scene) -> Result<(), Error> {
     }
     let place = source.value("output.interval").or_else(|| source.value("t_end"));
     let message = format!(
-        "{} would write {frames:e} frames until {}, more than {MOST_FRAMES:e}: it is the simulated time between \
-         frames in s, e.g. interval = {}",
+        "{} would write {frames:e} frames until {}, more than {MOST_FRAMES:e}: it is the simulated time \
+         between frames in s, e.g. interval = {}",
         source.setting("output.interval", interval, "s"),
         source.setting("t_end", scene.t_end, "s"),
         scene.t_end / 100.0

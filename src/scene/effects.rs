@@ -1,11 +1,11 @@
-//! Which effects a scene calls for, and why: decided once, before anything is computed.
+//! Which effects a scene needs, and why. They are chosen once, before anything is computed.
 
 use crate::model::contact::{Coulomb, Dissipative, Elastic, Frictionless, Law};
 use crate::model::effects::{Effects, Variant};
 use crate::scene::Scene;
 
 impl Effects {
-    /// What `scene` calls for: nothing that could not change the result.
+    /// The effects of `scene`. An effect that could not change the result is left out.
     pub fn of(scene: &Scene) -> Self {
         let variant = match &scene.friction {
             Some(f) if f.coefficient > 0.0 && f.rotation => Variant::FrictionRotation,
@@ -15,14 +15,15 @@ impl Effects {
         Effects { variant, dissipative: scene.contact.restitution < 1.0 }
     }
 
-    /// The choice in words, a line an effect: name, on or off, and the key that decides.
+    /// The effects as text, a line for each: name, on or off, and the key that decides.
     pub fn explain(&self, scene: &Scene) -> Vec<String> {
         let e = scene.contact.restitution;
         let rebound = if self.dissipative {
             format!("rebound    on   contact.restitution = {e} is below 1")
         } else {
             format!(
-                "rebound    off  contact.restitution = {e}: nothing is lost, the rebound function is not computed"
+                "rebound    off  contact.restitution = {e}: nothing is lost, the rebound function is not \
+                 computed"
             )
         };
         let friction = match &scene.friction {
@@ -46,7 +47,7 @@ impl Effects {
     }
 }
 
-/// The scene's contact law with the given effects.
+/// The contact law of the scene with the given effects.
 pub fn law<R, T>(scene: &Scene, rebound: R, tangential: T) -> Law<R, T> {
     Law {
         r: scene.particles.radius,
@@ -58,24 +59,24 @@ pub fn law<R, T>(scene: &Scene, rebound: R, tangential: T) -> Law<R, T> {
     }
 }
 
-/// The scene's rebound function, eq. (2.4).
+/// The rebound function of the scene, eq. (2.4).
 pub fn dissipative(scene: &Scene) -> Dissipative {
     Dissipative::new(scene.contact.restitution, scene.contact.dissipation_focusing)
 }
 
-/// No loss on rebound.
+/// The rebound function of e = 1: no dissipation.
 pub fn elastic(_scene: &Scene) -> Elastic {
     Elastic
 }
 
-/// The scene's friction, eqs. (2.6)-(2.10); none where the scene has none.
+/// The friction of the scene, eqs. (2.6)-(2.10). Its coefficient is 0 if the scene has no friction.
 pub fn coulomb(scene: &Scene) -> Coulomb {
     let (phi, v_min) =
         scene.friction.as_ref().map_or((0.0, 1.0), |f| (f.coefficient, f.regularization_velocity));
     Coulomb::new(phi, v_min)
 }
 
-/// No friction.
+/// The tangential law without friction.
 pub fn frictionless(_scene: &Scene) -> Frictionless {
     Frictionless
 }

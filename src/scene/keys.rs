@@ -1,18 +1,18 @@
-//! Every key a scene may hold, with its type, range, unit and a typical value: what messages say about it.
+//! The list of all keys of a scene, with type, range, unit and a typical value. Messages quote it.
 
 use crate::ode::{MethodName, NormName};
 use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word};
 use Range::{Finite, NotNegative, Positive, PositiveOrInfinite, Share};
 
-/// What is known about one key.
+/// The description of one key.
 pub(super) struct Key {
-    /// Dotted path from the top of the scene; entries of `container.wall` share one path.
+    /// Dotted path from the top of the scene. All entries of `container.wall` share one path.
     pub path: &'static str,
     /// Type and range of its value.
     pub kind: Kind,
-    /// A table without it is a mistake.
+    /// Whether its table must contain it.
     pub required: bool,
-    /// What it is, with symbol and unit; reads on after "it is".
+    /// Its meaning, with symbol and unit. Messages put it after "it is".
     pub meaning: &'static str,
     /// A typical value, in TOML.
     pub example: &'static str,
@@ -25,13 +25,13 @@ pub(super) enum Kind {
     Number(Range),
     /// Three numbers; `open` allows infinite ones.
     Vector { open: bool },
-    /// Number of particles, 1..=[`LARGEST_COUNT`].
+    /// Number of particles, in 1..=[`LARGEST_COUNT`].
     Count,
-    /// Any integer of 64 bits, not negative.
+    /// An unsigned integer of 64 bits.
     Seed,
     /// `true` or `false`.
     Switch,
-    /// Text, not empty.
+    /// Text that is not blank.
     Text,
     /// One of these words.
     Word(&'static [&'static str]),
@@ -41,7 +41,7 @@ pub(super) enum Kind {
     Tables,
 }
 
-/// Range of a number. NaN is in none of them, infinity in the last only.
+/// Range of a number. No range contains NaN, and only the last one contains infinity.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Range {
     Finite,
@@ -62,45 +62,58 @@ const fn optional(path: &'static str, kind: Kind, meaning: &'static str, example
     Key { path, kind, required: false, meaning, example }
 }
 
-/// Every key; the keys of one table follow each other in the order a message lists them.
+/// All keys. Those of one table are in the order in which messages list them.
 #[rustfmt::skip]
 pub(super) const KEYS: &[Key] = &[
     required("t_end", Number(Positive), "the simulated time in s", "8.0"),
     optional("gravity", Vector { open: false }, "the acceleration of gravity in m/s^2", "[0.0, 0.0, -9.81]"),
-    required("particles", Table, "the table of the spheres and their source", "{ radius = 0.1, file = \"start.csv\" }"),
-    optional("container", Table, "the table of the walls", "{ box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] } }"),
-    required("contact", Table, "the table of the contact law", "[contact] with repulsion_at_contact, stiffness_exponent, \
-              restitution, dissipation_focusing and interaction_distance"),
-    optional("friction", Table, "the table of the friction law", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
+    required("particles", Table,
+             "the table of the spheres and their source", "{ radius = 0.1, file = \"start.csv\" }"),
+    optional("container", Table,
+             "the table of the walls", "{ box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] } }"),
+    required("contact", Table, "the table of the contact law",
+             "[contact] with repulsion_at_contact, stiffness_exponent, restitution, dissipation_focusing and \
+              interaction_distance"),
+    optional("friction", Table,
+             "the table of the friction law", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
     optional("solver", Table, "the table of the time stepping", "{ tolerance = 0.1 }"),
     optional("output", Table, "the table of the output file", "{ interval = 0.02 }"),
     optional("checkpoint", Table, "the table of the checkpoints", "{ interval = 0.5 }"),
     optional("limits", Table, "the table of what stops a run early", "{ wall = 3600.0 }"),
-    optional("stop", Table, "the table of when the spheres are at rest, which ends the run", "{ kinetic_energy = 1e-6 }"),
+    optional("stop", Table,
+             "the table of when the spheres are at rest, which ends the run", "{ kinetic_energy = 1e-6 }"),
 
     required("particles.radius", Number(Positive), "the radius r of every sphere in m", "0.1"),
     optional("particles.mass", Number(Positive), "the mass of one sphere in kg", "1.0"),
     optional("particles.file", Text, "the path of a CSV file with the columns x,y,z", "\"start.csv\""),
-    optional("particles.grid", Table, "the table of the randomly perturbed grid", "{ count = 200, spacing = 0.25 }"),
+    optional("particles.grid", Table,
+             "the table of the randomly perturbed grid", "{ count = 200, spacing = 0.25 }"),
     optional("particles.grid.count", Count, "the number of spheres", "200"),
     optional("particles.grid.spacing", Number(Positive), "the side of a cell of the grid in m", "0.25"),
-    optional("particles.grid.jitter", Number(NotNegative), "the largest random shift of a sphere in m", "0.025"),
+    optional("particles.grid.jitter", Number(NotNegative),
+             "the largest random shift of a sphere in m", "0.025"),
     optional("particles.grid.bottom", Number(Finite), "the height of the lowest cells in m", "1.1"),
     optional("particles.grid.seed", Seed, "the seed of the random shifts", "1"),
 
-    optional("container.box", Table, "the table of the box", "{ min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] }"),
-    optional("container.box.min", Vector { open: true }, "the lower corner of the box in m (-inf: open)", "[0.0, 0.0, 0.0]"),
-    optional("container.box.max", Vector { open: true }, "the upper corner of the box in m (inf: open)", "[1.0, 1.0, inf]"),
+    optional("container.box", Table,
+             "the table of the box", "{ min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] }"),
+    optional("container.box.min", Vector { open: true },
+             "the lower corner of the box in m (-inf: open)", "[0.0, 0.0, 0.0]"),
+    optional("container.box.max", Vector { open: true },
+             "the upper corner of the box in m (inf: open)", "[1.0, 1.0, inf]"),
     optional("container.wall", Tables, "the list of plane walls, each opened by [[container.wall]]",
              "[{ point = [0.0, 0.0, 0.0], normal = [0.0, 0.0, -1.0] }]"),
     optional("container.wall.point", Vector { open: false }, "a point of the wall in m", "[0.0, 0.0, 0.0]"),
-    optional("container.wall.normal", Vector { open: false }, "the outward normal of the wall, of any length", "[0.0, 0.0, -1.0]"),
+    optional("container.wall.normal", Vector { open: false },
+             "the outward normal of the wall, of any length", "[0.0, 0.0, -1.0]"),
 
-    required("contact.repulsion_at_contact", Number(Positive), "the repulsion F_0 of spheres that just touch in N", "10.0"),
+    required("contact.repulsion_at_contact", Number(Positive),
+             "the repulsion F_0 of spheres that just touch in N", "10.0"),
     required("contact.stiffness_exponent", Number(Positive), "the stiffness exponent kappa in 1/m", "150.0"),
     required("contact.restitution", Number(Share), "the coefficient of restitution (1 = elastic)", "0.4"),
     required("contact.dissipation_focusing", Number(Positive), "the dissipation focusing psi in s/m", "10.0"),
-    required("contact.interaction_distance", Number(Positive), "the gap l_max in m beyond which spheres do not interact", "0.1"),
+    required("contact.interaction_distance", Number(Positive),
+             "the gap l_max in m beyond which spheres do not interact", "0.1"),
 
     required("friction.coefficient", Number(NotNegative), "the friction coefficient phi", "0.2"),
     required("friction.regularization_velocity", Number(Positive),
@@ -110,8 +123,10 @@ pub(super) const KEYS: &[Key] = &[
     optional("solver.method", Word(MethodName::NAMES), "the time stepping method", "\"auto\""),
     optional("solver.tolerance", Number(Positive), "the error tolerance of a step", "1e-3"),
     optional("solver.norm", Word(NormName::NAMES), "the measure of the error", "\"scaled\""),
-    optional("solver.velocity_scale", Number(Positive), "the speed in m/s that errors of velocity are compared with", "1.0"),
-    optional("solver.neglected_force", Number(NotNegative), "the repulsion in N below which the stabilised method leaves contacts out", "0.0"),
+    optional("solver.velocity_scale", Number(Positive),
+             "the speed in m/s that errors of velocity are compared with", "1.0"),
+    optional("solver.neglected_force", Number(NotNegative),
+             "the repulsion in N below which the stabilised method leaves contacts out", "0.0"),
     optional("solver.step", Number(Positive), "the fixed step of velocity-verlet in s", "1e-5"),
     optional("solver.initial_step", Number(Positive), "the largest first step in s", "0.1"),
     optional("solver.min_step", Number(Positive), "the smallest step in s", "1e-9"),
@@ -121,35 +136,40 @@ pub(super) const KEYS: &[Key] = &[
     optional("output.interval", Number(Positive), "the simulated time between frames in s", "0.02"),
     optional("output.energy", Switch, "whether dissipated energy is integrated and written", "false"),
 
-    optional("checkpoint.interval", Number(Positive), "the simulated time in s between two checkpoints", "0.5"),
+    optional("checkpoint.interval", Number(Positive),
+             "the simulated time in s between two checkpoints", "0.5"),
     optional("checkpoint.wall", Number(Positive), "the wall time in s between two checkpoints", "600.0"),
 
-    optional("stop.kinetic_energy", Number(Positive), "the mean kinetic energy of a sphere at rest in J, at most", "1e-6"),
+    optional("stop.kinetic_energy", Number(Positive),
+             "the mean kinetic energy of a sphere at rest in J, at most", "1e-6"),
     optional("stop.unbalanced_force", Number(Positive),
              "the sum of net forces at rest over that of contact forces and weights, at most", "1e-3"),
-    optional("stop.height_change", Number(Positive), "the change of the height of the bed at rest in m, at most", "1e-5"),
-    optional("stop.window", Number(Positive), "the simulated time in s for which the spheres must be at rest", "0.1"),
+    optional("stop.height_change", Number(Positive),
+             "the change of the height of the bed at rest in m, at most", "1e-5"),
+    optional("stop.window", Number(Positive),
+             "the simulated time in s for which the spheres must be at rest", "0.1"),
 
-    optional("limits.wall", Number(Positive), "the wall time in s after which the run saves itself and stops", "3600.0"),
+    optional("limits.wall", Number(Positive),
+             "the wall time in s after which the run saves itself and stops", "3600.0"),
 ];
 
-/// The keys of a table, `""` being the top of the scene.
+/// The keys of a table; `""` is the top of the scene.
 pub(super) fn of_table(table: &str) -> impl Iterator<Item = &'static Key> {
     KEYS.iter().filter(move |key| key.table() == table)
 }
 
 impl Key {
-    /// Path of the table that holds it.
+    /// Path of the table that contains the key; `""` for the top of the scene.
     pub fn table(&self) -> &'static str {
         self.path.rsplit_once('.').map_or("", |(table, _)| table)
     }
 
-    /// Its last word.
+    /// Name of the key within its table.
     pub fn name(&self) -> &'static str {
         self.path.rsplit_once('.').map_or(self.path, |(_, name)| name)
     }
 
-    /// The type and range it needs; reads on after "must be".
+    /// Type and range of its value. Messages put it after "must be".
     pub fn need(&self) -> String {
         match self.kind {
             Number(range) => range.need().to_owned(),
@@ -165,7 +185,7 @@ impl Key {
         }
     }
 
-    /// What it is and a typical value: the second half of most messages.
+    /// Its meaning and a typical value: the second half of most messages.
     pub fn help(&self) -> String {
         match self.path {
             "contact" => format!("it is {}, e.g. {}", self.meaning, self.example),
@@ -175,7 +195,7 @@ impl Key {
 }
 
 impl Range {
-    /// Whether a number that is not NaN lies within.
+    /// Whether the range contains `value`, which must not be NaN.
     pub fn holds(self, value: f64) -> bool {
         match self {
             Finite => value.is_finite(),
@@ -206,7 +226,7 @@ mod tests {
     use super::*;
     use crate::scene::Scene;
 
-    /// Every example, put together to one scene; `file` gives way to `grid`.
+    /// All examples as one scene. Of two alternatives only one is used: `grid` and not `file`, no fixed step.
     fn scene_of_examples() -> String {
         let mut text = String::new();
         for table in [

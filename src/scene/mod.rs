@@ -1,7 +1,10 @@
 //! The scene: one TOML text and the `--set` options become a checked description of a run.
 //!
-//! `source` holds the text, merges `--set` and points at mistakes; `keys` lists every key with its unit and range;
-//! `check` holds a merged table against that list. What depends on particle positions is checked in [`crate::scene::initial_condition`].
+//! `source` holds the text, merges `--set` into it, and points messages at their line. `keys` lists every key
+//! with its unit and range. `check` checks a merged table against that list, and how keys relate to each
+//! other.
+//!
+//! [`initial_condition`] checks what depends on the positions of particles.
 
 mod check;
 pub mod effects;
@@ -23,50 +26,51 @@ use source::Source;
 pub use source::split_values;
 pub(crate) use source::{brief, shown};
 
-/// A checked scene, every default filled in. SI units throughout.
+/// A checked scene with all defaults filled in. All numbers are in SI units.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
     /// Simulated time, s; > 0.
     pub t_end: f64,
-    /// Acceleration that acts on every particle, m/s^2.
+    /// Acceleration of gravity, m/s^2.
     #[serde(default)]
     pub gravity: [f64; 3],
-    /// What moves, and where it starts.
+    /// The particles and their initial condition.
     pub particles: Particles,
-    /// Walls; empty by default.
+    /// The walls; none by default.
     #[serde(default)]
     pub container: Container,
-    /// Normal force of every contact.
+    /// The normal force of contacts.
     pub contact: Contact,
-    /// Tangential force of every contact; none: the basic variant.
+    /// The tangential force of contacts; `None`: the basic variant.
     pub friction: Option<Friction>,
-    /// Time integration.
+    /// The time integration.
     #[serde(default)]
     pub solver: Solver,
-    /// What is written.
+    /// The output file.
     #[serde(default)]
     pub output: Output,
-    /// When checkpoints are written; none: only when the run is stopped.
+    /// When checkpoints are written; `None`: only when the run is stopped.
     pub checkpoint: Option<Checkpoint>,
-    /// What stops the run early.
+    /// Limits that stop the run early.
     pub limits: Option<Limits>,
-    /// When the particles are at rest, which ends the run.
+    /// When the particles count as at rest, which ends the run.
     pub stop: Option<Stop>,
 }
 
-/// Identical spheres and one source of their initial state: exactly one of `file` and `grid` is there.
+/// Identical spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Particles {
-    /// r, m; > 0.
+    /// Radius r of every particle, m; > 0.
     pub radius: f64,
     /// Mass of one particle, kg; > 0.
     #[serde(default = "unit_mass")]
     pub mass: f64,
-    /// CSV file with the initial state, as the user wrote it: absolute or relative to the scene file.
+    /// CSV file with the initial condition, as the user wrote it: absolute, or relative to the folder of the
+    /// scene.
     pub file: Option<PathBuf>,
-    /// Randomly perturbed grid.
+    /// Randomly perturbed grid as the initial condition.
     pub grid: Option<Grid>,
 }
 
@@ -78,15 +82,15 @@ fn unit_mass() -> f64 {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Grid {
-    /// Number of particles, 1..=1e9.
+    /// Number of particles, in 1..=1e9.
     pub count: u64,
-    /// Side of a cubic cell, m; > 0, no larger than the box in x and y.
+    /// Side of a cubic cell, m; > 0, and no larger than the box in x and y.
     pub spacing: f64,
-    /// Upper bound of the three random shifts of a centre, m; >= 0.
+    /// Upper bound of the random shift of a centre along each axis, m; >= 0.
     pub jitter: f64,
     /// Height of the lower face of the first layer of cells, m.
     pub bottom: f64,
-    /// Seed of the random shifts; after [`Scene::set_seed_if_missing`] it is `Some`.
+    /// Seed of the random shifts; `Some` after [`Scene::set_seed_if_missing`].
     pub seed: Option<u64>,
 }
 
@@ -96,23 +100,27 @@ impl Default for Grid {
     }
 }
 
-/// Walls. They are numbered: finite box sides in the order min x, max x, min y, max y, min z, max z, then `wall`.
+/// The walls of a scene.
+///
+/// Their numbers run over the finite sides of the box (min x, max x, min y, max y, min z, max z), then over
+/// `wall`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Container {
-    /// Axis-parallel box.
+    /// A box with sides along the axes.
     pub r#box: Option<BoxSides>,
-    /// Any planes.
+    /// Further walls: planes of any direction.
     pub wall: Vec<WallPlane>,
 }
 
-/// Two opposite corners of a box, m; an infinite coordinate leaves that side open. `min < max` on each axis.
+/// A box given by two opposite corners. An infinite coordinate leaves that side open. `min < max` on each
+/// axis.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BoxSides {
-    /// Lower corner, m; -inf: open.
+    /// Lower corner, m; -inf leaves a side open.
     pub min: [f64; 3],
-    /// Upper corner, m; inf: open.
+    /// Upper corner, m; inf leaves a side open.
     pub max: [f64; 3],
 }
 
@@ -128,7 +136,7 @@ impl Default for BoxSides {
 pub struct WallPlane {
     /// Any point of the plane, m.
     pub point: [f64; 3],
-    /// Outward normal, not zero, any length.
+    /// Outward normal of any length except 0.
     pub normal: [f64; 3],
 }
 
@@ -142,15 +150,15 @@ impl Default for WallPlane {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
-    /// F_0, N; > 0.
+    /// Repulsion F_0 of surfaces that just touch, N; > 0.
     pub repulsion_at_contact: f64,
-    /// kappa, 1/m; > 0.
+    /// Stiffness exponent kappa, 1/m; > 0.
     pub stiffness_exponent: f64,
-    /// e, 0..=1.
+    /// Coefficient of restitution e, in 0..=1.
     pub restitution: f64,
-    /// psi, s/m; > 0.
+    /// Dissipation focusing psi, s/m; > 0.
     pub dissipation_focusing: f64,
-    /// l_max, m; > 0.
+    /// Gap l_max beyond which surfaces do not interact, m; > 0.
     pub interaction_distance: f64,
 }
 
@@ -158,11 +166,11 @@ pub struct Contact {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
-    /// phi; >= 0.
+    /// Friction coefficient phi; >= 0.
     pub coefficient: f64,
-    /// v_min, m/s; > 0.
+    /// Slip v_min from which friction has its full strength, m/s; > 0.
     pub regularization_velocity: f64,
-    /// Whether friction turns the spheres.
+    /// Whether friction rotates the particles.
     #[serde(default = "turning")]
     pub rotation: bool,
 }
@@ -177,28 +185,31 @@ fn turning() -> bool {
 pub struct Solver {
     /// The method that takes the steps.
     pub method: MethodName,
-    /// Bound on the error of a step in the given norm; > 0. `Some` after [`Scene::parse`] unless the method has a fixed
-    /// step.
+    /// Bound on the error of a step in the norm; > 0.
+    ///
+    /// `Some` after [`Scene::parse`], unless the method has a fixed step.
     pub tolerance: Option<f64>,
-    /// How an error is measured.
+    /// The norm in which the error of a step is measured.
     pub norm: NormName,
-    /// Speed that errors of velocity are compared with in the scaled norm, m/s; > 0. Left out: see
-    /// [`crate::scene::initial_condition::velocity_scale`].
+    /// Speed with which the scaled norm compares errors of velocity, m/s; > 0.
+    ///
+    /// [`initial_condition::velocity_scale`] gives the default.
     pub velocity_scale: Option<f64>,
-    /// Contacts with a repulsion below this are left out by the stabilised method, N; >= 0 and below F_0. Left out: see
-    /// [`crate::engine::simulation::neglected_force`].
+    /// The stabilised method leaves out contacts with a repulsion below this force, N; >= 0 and below F_0.
+    ///
+    /// [`crate::engine::simulation::neglected_force`] gives the default.
     pub neglected_force: Option<f64>,
-    /// Fixed step of velocity-verlet, s; > 0, and there exactly with that method.
+    /// Fixed step of velocity-verlet, s; > 0. `Some` for that method only.
     pub step: Option<f64>,
     /// Largest first trial step, s; > 0.
     pub initial_step: f64,
     /// Smallest step, s; > 0.
     pub min_step: f64,
-    /// Largest step, s; >= `min_step`, may be infinite.
+    /// Largest step, s; >= `min_step`. It may be infinite.
     pub max_step: f64,
 }
 
-/// Tolerance where the scene says nothing.
+/// Tolerance of a scene that does not give one.
 pub const DEFAULT_TOLERANCE: f64 = 0.1;
 
 impl Default for Solver {
@@ -217,47 +228,49 @@ impl Default for Solver {
     }
 }
 
-/// What is written; file and interval are `Some` after [`Scene::parse`].
+/// The output file. `file` and `interval` are `Some` after [`Scene::parse`].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Output {
-    /// Output file, relative to the working folder.
+    /// Path of the output file, absolute or relative to the working folder.
     pub file: Option<PathBuf>,
     /// Simulated time between frames, s; > 0.
     pub interval: Option<f64>,
-    /// Whether the energy that contacts dissipate is integrated and written.
+    /// Whether the energy that contacts dissipate is integrated and written to the file.
     pub energy: bool,
 }
 
-/// When checkpoints are written; at least one of the two is there.
+/// When checkpoints are written. At least one of the two is `Some`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Checkpoint {
-    /// Simulated time between two, s; > 0.
+    /// Simulated time between two checkpoints, s; > 0.
     pub interval: Option<f64>,
-    /// Wall time between two, s; > 0.
+    /// Wall time between two checkpoints, s; > 0.
     pub wall: Option<f64>,
 }
 
-/// What stops the run early.
+/// Limits that stop the run early.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {
-    /// Wall time, s; > 0.
+    /// Wall time after which the run writes a checkpoint and stops, s; > 0.
     pub wall: Option<f64>,
 }
 
-/// When the particles are at rest: when one of the first three, of which at least one is there, has held for a window.
+/// When the particles count as at rest: one of the first three criteria has held for the time `window`.
+///
+/// At least one of these criteria is `Some`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Stop {
-    /// Largest kinetic energy of a particle on average, J; > 0.
+    /// Largest mean kinetic energy of a particle, J; > 0.
     pub kinetic_energy: Option<f64>,
     /// Largest unbalanced force ([`crate::engine::dynamics::Dynamics::unbalanced_force`]); > 0.
     pub unbalanced_force: Option<f64>,
     /// Largest change of the height of the bed, m; > 0.
     pub height_change: Option<f64>,
-    /// Simulated time for which it must hold, s; > 0.
+    /// Simulated time for which a criterion must hold, s; > 0.
     pub window: f64,
 }
 
@@ -268,8 +281,10 @@ impl Default for Stop {
 }
 
 impl Scene {
-    /// Reads and checks a scene. `name` is its path as the user typed it (for messages, and for the name of the
-    /// output file), `text` its content, `sets` the KEY=VALUE of every `--set` in order.
+    /// Reads and checks a scene.
+    ///
+    /// `name` is the path of the scene as the user typed it, for messages and for the name of the output
+    /// file. `text` is its content. `sets` are the KEY=VALUE of all `--set` options, in order.
     pub fn parse(name: &str, text: &str, sets: &[String]) -> Result<Scene, Error> {
         let mut source = Source::new(name, text, sets);
         let set_texts = source.set_documents()?;
@@ -283,20 +298,21 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Fills in a missing seed. The caller draws it on rank 0 and broadcasts it.
+    /// Fills in `seed` if the scene gives none. It must be the same on all ranks: rank 0 draws it and
+    /// broadcasts it.
     pub fn set_seed_if_missing(&mut self, seed: u64) {
         if let Some(grid) = &mut self.particles.grid {
             grid.seed.get_or_insert(seed);
         }
     }
 
-    /// The scene as TOML with every default written out; parses to an equal scene under any name.
+    /// The scene as TOML with all defaults written out. Parsing it gives an equal scene, under any name.
     pub fn resolved(&self) -> String {
         toml::to_string(self)
             .expect("a scene holds only tables, numbers, switches and text that came from TOML")
     }
 
-    /// Whether particles have spins: friction with rotation, and a coefficient that is not 0.
+    /// Whether particles rotate: the scene has friction with rotation, and its coefficient is not 0.
     pub fn rotates(&self) -> bool {
         self.friction.as_ref().is_some_and(|friction| friction.rotation && friction.coefficient > 0.0)
     }

@@ -1,9 +1,9 @@
-//! The JSON schema of scenes, from the list of keys.
+//! The JSON schema of scenes, made from the list of keys.
 
 use super::keys::{Key, Kind, LARGEST_COUNT, Range, of_table};
 use serde_json::{Map, Value, json};
 
-/// The schema (draft 2020-12), with the meaning of every key; ends with a line break.
+/// The schema (draft 2020-12) as text, with a description of every key. The text ends with a line break.
 pub fn schema() -> String {
     let mut all = table("");
     all["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
@@ -11,7 +11,7 @@ pub fn schema() -> String {
     format!("{all:#}\n")
 }
 
-/// A table of the scene, `""` being its top.
+/// The schema of one table of the scene; `""` is the top of the scene.
 fn table(path: &str) -> Value {
     let properties: Map<String, Value> =
         of_table(path).map(|key| (key.name().to_owned(), property(key))).collect();
@@ -38,7 +38,8 @@ fn property(key: &Key) -> Value {
         Kind::Tables => json!({ "type": "array", "items": table(key.path) }),
     };
     found["description"] = json!(key.meaning);
-    // An example is TOML: what is a value there is one here, except for tables, which say themselves what they hold.
+    // Examples are TOML values. A table needs none, since the schema describes its keys. Infinite numbers are
+    // left out: JSON has none.
     let example = format!("x = {}", key.example).parse::<toml::Table>().ok();
     if let Some(example) = example.and_then(|mut table| table.remove("x")).filter(|value| !value.is_table()) {
         let finite = |value: &toml::Value| value.as_float().is_none_or(f64::is_finite);

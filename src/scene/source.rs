@@ -1,5 +1,5 @@
-//! The text of a scene with its `--set` options behind it: one virtual source in which every value has a position,
-//! so that any mistake can be shown where it was made.
+//! The source of a scene: its text, followed by its `--set` options. Every value has a position in it, so
+//! that a message can point at the line or option of a mistake.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -11,31 +11,32 @@ use toml_parser::lexer::TokenKind;
 
 use crate::error::Error;
 
-/// Deepest nesting of brackets, braces and words of a key; a scene needs three.
+/// Deepest nesting of brackets and braces, and most words of a key. A scene needs three.
 const DEEPEST: usize = 32;
 
-/// Byte range in the virtual source.
+/// Byte range in the source.
 pub(super) type Span = std::ops::Range<usize>;
 
-/// Name, text and `--set` options of a scene.
+/// The source of a scene: name, text and `--set` options.
 pub(super) struct Source<'a> {
-    /// Path as the user typed it.
+    /// Path of the scene as the user typed it.
     name: &'a str,
     sets: &'a [String],
-    /// The scene's text, then each `--set` on a line of its own.
+    /// The text of the scene, then each `--set` on a line of its own.
     all: String,
     /// Where each `--set` starts in `all`.
     starts: Vec<usize>,
-    /// Dotted path -> position of its key and of its value.
+    /// From a dotted path to the positions of its key and of its value.
     places: HashMap<String, (Span, Span)>,
 }
 
 /// One `--set`, ready to be merged.
 pub(super) struct SetDocument {
     words: Vec<Spanned<String>>,
-    /// Position of VALUE in the virtual source.
+    /// Position of VALUE in the source.
     value: Span,
-    /// `v=VALUE` behind as many blanks as put VALUE at its position; none if VALUE is not TOML.
+    /// `v=VALUE` after as many blanks as put VALUE at its position in the source; `None` if VALUE is not
+    /// TOML.
     document: Option<String>,
     raw: String,
 }
@@ -52,18 +53,19 @@ impl<'a> Source<'a> {
         Source { name, sets, all, starts, places: HashMap::new() }
     }
 
-    /// Splits every `--set` into the words of its key and its value.
+    /// Splits each `--set` into the words of its key, and its value.
     pub fn set_documents(&self) -> Result<Vec<SetDocument>, Error> {
         self.sets.iter().zip(&self.starts).map(|(set, &start)| set_document(set, start)).collect()
     }
 
-    /// The scene's table with every `--set` merged into it, in order: a later value replaces an earlier one, a table
-    /// is merged key by key, missing tables are created.
+    /// The table of the scene, with all `--set` options merged into it in order.
+    ///
+    /// A later value replaces an earlier one. Tables are merged key by key, and missing tables are created.
     pub fn merged<'i>(&self, text: &'i str, sets: &'i [SetDocument]) -> Result<Spanned<DeTable<'i>>, Error> {
         if let Some(place) = too_deep(text) {
             let message = format!(
-                "not valid TOML: it is nested more than {DEEPEST} deep: a bracket must be closed by its own kind, and a \
-                 key is made of a few words"
+                "not valid TOML: it is nested more than {DEEPEST} deep: a bracket must be closed by its own \
+                 kind, and a key is made of a few words"
             );
             return Err(self.error(Some(place), &message));
         }
@@ -76,10 +78,12 @@ impl<'a> Source<'a> {
         })?;
         for set in sets {
             put(table.get_mut(), &set.words, set.parsed()).map_err(|depth| {
-                let above = set.words[..=depth].iter().map(|word| word.get_ref().as_str()).collect::<Vec<_>>();
+                let above =
+                    set.words[..=depth].iter().map(|word| word.get_ref().as_str()).collect::<Vec<_>>();
                 let (above, below) = (brief(&above.join(".")), brief(set.words[depth + 1].get_ref()));
                 let message = format!(
-                    "{above} is not a table in the scene and has no key {below}: --set {above}=VALUE replaces it as a whole"
+                    "{above} is not a table in the scene and has no key {below}: --set {above}=VALUE \
+                     replaces it as a whole"
                 );
                 self.error(Some(set.words[0].span()), &message)
             })?;
@@ -87,17 +91,17 @@ impl<'a> Source<'a> {
         Ok(table)
     }
 
-    /// Remembers where a key and its value are.
+    /// Stores the positions of a key and its value.
     pub fn remember(&mut self, path: &str, key: Span, value: Span) {
         self.places.insert(path.to_owned(), (key, value));
     }
 
-    /// Where the value of `path` is, if it was given.
+    /// Position of the value of `path`, if it was given.
     pub fn value(&self, path: &str) -> Option<Span> {
         self.places.get(path).map(|(_, value)| value.clone())
     }
 
-    /// Where the key of `path` is, if it was given.
+    /// Position of the key of `path`, if it was given.
     pub fn key(&self, path: &str) -> Option<Span> {
         self.places.get(path).map(|(key, _)| key.clone())
     }
@@ -107,7 +111,7 @@ impl<'a> Source<'a> {
         brief(self.all.get(span.clone()).unwrap_or_default())
     }
 
-    /// `path = value unit` as the user wrote it; a default if the user left it out.
+    /// `path = value unit` as the user wrote it, or with the default if the user left it out.
     pub fn setting(&self, path: &str, default: f64, unit: &str) -> String {
         match self.value(path) {
             Some(span) => format!("{path} = {} {unit}", self.written(&span)),
@@ -115,7 +119,8 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// `message` behind the file and line, or the `--set`, of `span`; of a file also the line itself.
+    /// An error with `message` after the file and line of `span`, or after its `--set`. Quotes the line of a
+    /// file.
     pub fn error(&self, span: Option<Span>, message: &str) -> Error {
         let Some(span) = span else { return Error::Input(format!("{}: {message}", self.name)) };
         let set = self.starts.iter().rposition(|&start| start <= span.start);
@@ -163,15 +168,19 @@ fn set_document(set: &str, start: usize) -> Result<SetDocument, Error> {
     if words.len() > DEEPEST || too_deep(value).is_some() {
         return Err(wrong(&format!("it is nested more than {DEEPEST} deep")));
     }
-    // `offset` is now behind the `=`: at least two bytes, a letter and the `=`, come before VALUE.
+    // `offset` is now after the `=`, and at least two bytes come before VALUE: a letter and the `=`.
     let document = format!("{}v={value}", " ".repeat(offset - 2));
     let document = single_value(&document).is_some().then_some(document);
     Ok(SetDocument { words, value: offset..offset + value.len(), document, raw: value.trim().to_owned() })
 }
 
-/// The bracket, brace or dot with which a text is nested too deep to be parsed: the parser descends once a level, and bounds
-/// that by a count that stray closing brackets put wrong (toml_parser 1.1.5), until the stack ends. Here a bracket closes
-/// nothing unless it matches the last open one, so that the parser is never deeper than this count.
+/// The bracket, brace or dot at which a text is nested too deep to be parsed; `None` if there is none.
+///
+/// The parser recurses once for each level. Its own bound counts stray closing brackets wrongly (toml_parser
+/// 1.1.5), so that the stack can overflow.
+///
+/// Here a bracket closes a level only if it matches the last open one. The parser is never deeper than this
+/// count.
 fn too_deep(text: &str) -> Option<Span> {
     let (mut open, mut dots) = (Vec::new(), 0);
     for token in toml_parser::Source::new(text).lex() {
@@ -190,7 +199,7 @@ fn too_deep(text: &str) -> Option<Span> {
     None
 }
 
-/// The value of a document that holds the key `v` only and can be read as it is.
+/// The value of the key `v` in a valid document that has no other key.
 fn single_value(document: &str) -> Option<Spanned<DeValue<'_>>> {
     let mut table = DeTable::parse(document).ok()?.into_inner();
     if table.len() != 1 {
@@ -199,7 +208,7 @@ fn single_value(document: &str) -> Option<Spanned<DeValue<'_>>> {
     table.remove("v")
 }
 
-/// Puts `value` at the path `words`. Fails with the number of the word that stands for something else than a table.
+/// Puts `value` at the path `words`. Fails with the number of the first word that is not the name of a table.
 fn put<'i>(
     table: &mut DeTable<'i>,
     words: &'i [Spanned<String>],
@@ -230,14 +239,15 @@ fn merge<'i>(table: &mut DeTable<'i>, key: Spanned<Cow<'i, str>>, value: Spanned
             }
         }
         (_, value) => {
-            // An entry keeps the key it was made with, and with it the old position.
+            // Remove the entry first: it would keep its old key, and with it the old position.
             table.remove(key.get_ref().as_ref());
             table.insert(key, Spanned::new(span, value));
         }
     }
 }
 
-/// Number of the line where `span` starts (from 1), and that line with the span underlined, ready to be appended.
+/// The number of the line where `span` starts, from 1, and that line with the span underlined, to be appended
+/// to a message.
 fn excerpt(text: &str, span: &Span) -> (usize, String) {
     let start = char_boundary(text, span.start);
     let line_start = text[..start].rfind('\n').map_or(0, |newline| newline + 1);
@@ -257,12 +267,12 @@ fn excerpt(text: &str, span: &Span) -> (usize, String) {
     (number, format!("\n{gutter} |\n{number} | {shown}\n{gutter} | {before}{marks}"))
 }
 
-/// The last start of a character at or before `byte`.
+/// Position of the last start of a character at or before `byte`.
 fn char_boundary(text: &str, byte: usize) -> usize {
     (0..=byte.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
 }
 
-/// On one line, without control characters, and not too long.
+/// `text` on one line, without control characters, and shortened if it is long.
 pub(crate) fn brief(text: &str) -> String {
     const LONGEST: usize = 60;
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -274,7 +284,7 @@ pub(crate) fn brief(text: &str) -> String {
     short
 }
 
-/// A path on one line, its end if it is very long.
+/// A path as text on one line; only its end if it is very long.
 pub(crate) fn shown(path: &Path) -> String {
     const LONGEST: usize = 300;
     let printable = |c: char| if c.is_control() { ' ' } else { c };
@@ -285,7 +295,7 @@ pub(crate) fn shown(path: &Path) -> String {
     }
 }
 
-/// The parts of a list of TOML values: those of `list` between commas outside brackets and quotes.
+/// Splits a list of TOML values at the commas outside brackets, braces and quotes.
 pub fn split_values(list: &str) -> Vec<String> {
     let (mut parts, mut depth, mut quote) = (vec![String::new()], 0i32, None);
     for c in list.chars() {

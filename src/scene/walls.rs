@@ -1,12 +1,14 @@
-//! The walls of a scene: planes of its box and of `container.wall`, each with words that a user recognises.
+//! The walls of a scene: the sides of its box and the planes of `container.wall`.
 
 use crate::math::digits::triple;
 use crate::math::vector::Vec3;
 use crate::model::wall::Wall;
 use crate::scene;
 
-/// The walls of a scene, each with words that a user recognises. Their order is also the order in which their forces
-/// are summed: finite sides of the box (min x, max x, min y, max y, min z, max z), then `container.wall`.
+/// The walls of a scene, each with a description for messages.
+///
+/// The order is that in which their forces are summed: first the finite sides of the box (min x, max x, min
+/// y, max y, min z, max z), then `container.wall`.
 pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
     let mut walls = Vec::new();
     if let Some(sides) = &container.r#box {
@@ -36,7 +38,7 @@ pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
     walls
 }
 
-/// The walls of a scene, in the same order.
+/// The walls of a scene, in the order of [`described_walls`].
 pub fn walls(container: &scene::Container) -> Vec<Wall> {
     described_walls(container).into_iter().map(|(wall, _)| wall).collect()
 }

@@ -1,4 +1,4 @@
-//! Many runs: what accuracy costs, ensembles of starts, and the job pool that does both.
+//! Studies of many runs: what accuracy costs, and ensembles. The job pool does the runs of both.
 
 pub mod accuracy;
 pub mod ensemble;

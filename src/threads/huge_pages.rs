@@ -1,36 +1,41 @@
-//! Large vectors in pages of 2 MiB. A right-hand side of many particles reads ten vectors side by side: with pages of 4 KiB the
-//! processor spends a twentieth of the time of 200 000 particles on looking up where these are.
+//! An allocator that puts large vectors into pages of 2 MiB.
+//!
+//! A right-hand side of many particles reads ten vectors side by side. With pages of 4 KiB the processor
+//! would spend much time on address translation.
 
-// An allocator can be had no other way; every call is handed on to the system's, which keeps the contract.
+// Only an allocator can do this for all vectors. Every call is passed on to the system's allocator, which
+// keeps the contract.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 
-/// The system's allocator, which asks for large pages where a vector fills some.
+/// The system's allocator, which asks the system for large pages where an allocation fills at least one.
 pub struct HugePages;
 
-/// Bytes of a large page.
+/// Size of a large page, bytes.
 const PAGE: usize = 2 << 20;
 
-/// Bytes from which on a vector has large pages: it fills one at least.
+/// Smallest size with large pages, bytes. An allocation of this size fills at least one page.
 const LARGE: usize = 2 * PAGE;
 
-/// What the system is asked for in place of a large `layout`: it begins with a page.
+/// The layout that is requested in place of a large `layout`: it begins at a page boundary.
 fn of_pages(layout: Layout) -> Layout {
     layout.align_to(PAGE).unwrap_or(layout)
 }
 
-/// Asks for large pages in the `size` bytes from `begin` on. Without effect where there are none.
+/// Asks for large pages in the `size` bytes from `begin` on. Has no effect where the system has none.
 fn advise(begin: *mut u8, size: usize) {
     #[cfg(target_os = "linux")]
     if !begin.is_null() {
-        // SAFETY: the advice changes neither contents nor validity of the bytes, nor of those that share their last page.
+        // SAFETY: the advice changes neither the contents nor the validity of these bytes or of others in
+        // their last page.
         let _ = unsafe { rustix::mm::madvise(begin.cast(), size, rustix::mm::Advice::LinuxHugepage) };
     }
 }
 
-// SAFETY: all memory is the system allocator's, by layouts that depend on the caller's alone, so that it is given back by
-// the one by which it was taken, and that ask for no less.
+// SAFETY: all memory comes from the system's allocator. The layout passed to it depends only on the caller's
+// layout, so memory is released with the layout with which it was allocated. That layout asks for no less
+// than the caller's.
 unsafe impl GlobalAlloc for HugePages {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         if layout.size() < LARGE {
@@ -51,7 +56,7 @@ unsafe impl GlobalAlloc for HugePages {
         // SAFETY: as the caller promises.
         let begin = unsafe { self.alloc(layout) };
         if !begin.is_null() {
-            // SAFETY: so many bytes were just allocated.
+            // SAFETY: this many bytes have just been allocated.
             unsafe { begin.write_bytes(0, layout.size()) };
         }
         begin
@@ -59,7 +64,7 @@ unsafe impl GlobalAlloc for HugePages {
 
     unsafe fn dealloc(&self, begin: *mut u8, layout: Layout) {
         let layout = if layout.size() < LARGE { layout } else { of_pages(layout) };
-        // SAFETY: `alloc` asked for the same layout.
+        // SAFETY: `alloc` used the same layout.
         unsafe { System.dealloc(begin, layout) }
     }
 
@@ -68,7 +73,8 @@ unsafe impl GlobalAlloc for HugePages {
             // SAFETY: as the caller promises.
             return unsafe { System.realloc(begin, layout, size) };
         }
-        // SAFETY: the caller promises a size that is valid for this alignment, the old one is, and both blocks are apart.
+        // SAFETY: the caller guarantees that the new size is valid for this alignment. The old size is valid,
+        // and the two blocks do not overlap.
         unsafe {
             let new = self.alloc(Layout::from_size_align_unchecked(size, layout.align()));
             if !new.is_null() {
@@ -84,7 +90,7 @@ unsafe impl GlobalAlloc for HugePages {
 mod tests {
     use super::*;
 
-    /// Bytes from the allocator itself, whichever the process has.
+    /// A block of bytes from this allocator, whichever allocator the process uses.
     struct Bytes {
         begin: *mut u8,
         layout: Layout,
@@ -98,20 +104,20 @@ mod tests {
         }
 
         fn resize(&mut self, size: usize) {
-            // SAFETY: the block is of this allocator and this layout, and the size is not 0.
+            // SAFETY: the block comes from this allocator and has this layout, and the size is not 0.
             self.begin = unsafe { HugePages.realloc(self.begin, self.layout, size) };
             self.layout = Layout::from_size_align(size, 8).unwrap();
         }
 
         fn get(&mut self) -> &mut [u8] {
-            // SAFETY: so many bytes are there, and were zero or written.
+            // SAFETY: the block has this many bytes, which have been zeroed or written.
             unsafe { std::slice::from_raw_parts_mut(self.begin, self.layout.size()) }
         }
     }
 
     impl Drop for Bytes {
         fn drop(&mut self) {
-            // SAFETY: the block is of this allocator and this layout.
+            // SAFETY: the block comes from this allocator and has this layout.
             unsafe { HugePages.dealloc(self.begin, self.layout) }
         }
     }

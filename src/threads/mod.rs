@@ -1,9 +1,11 @@
-//! Loops over slices by rayon threads, where there is enough to do. Results never depend on the number of threads:
-//! every item is computed alone, and what is folded is a maximum or an integer.
+//! Loops over slices on several threads, where there is enough work.
 //!
-//! A right-hand side of a few hundred particles takes 12 us: rayon's threads fall asleep in between, and even to one that is
-//! awake it takes a microsecond to hand something over. `with_spinning_threads` keeps them at posts where they see at once what is for
-//! them, for as long as work comes up again and again.
+//! Results never depend on the number of threads: every item is computed on its own, and folds are maxima or
+//! sums of integers.
+//!
+//! The threads are rayon's. They fall asleep between short loops and are slow to start again. Where such
+//! loops follow each other closely, `with_spinning_threads` keeps the threads awake, so that work reaches
+//! them much faster.
 
 use rayon::prelude::*;
 use std::ops::Range;
@@ -13,12 +15,13 @@ pub use spinning_pool::{is_spinning, join, with_spinning_threads};
 pub mod huge_pages;
 mod spinning_pool;
 
-/// Items below which a second thread costs more than it brings; a sixteenth of it where threads are at their posts.
+/// Number of items below which a second thread costs more than it saves. In a spinning pool a sixteenth of it
+/// is used.
 pub const GRAIN: usize = 2048;
 
 /// What can be cut in two at an index.
 pub trait Cut: Send + Sized {
-    /// What is before the index, and the rest.
+    /// The part before the index, and the rest.
     fn cut(self, at: usize) -> (Self, Self);
 }
 
@@ -66,9 +69,10 @@ impl<A: Cut, B: Cut> Cut for (A, B) {
     }
 }
 
-/// Calls `work(first, part)` for one part of `items`, of which there are `n`, for every thread, `first` being the index of
-/// the part's first item, and folds what the calls return. A thread has the same part of every list of the same length, so
-/// that it stays in its caches.
+/// Calls `work(first, part)` for one part of `items` per thread, and folds the results.
+///
+/// `n` is the number of items, and `first` the index of the first item of the part. A thread receives the
+/// same part of all slices of the same length, so that the part stays in its caches.
 pub fn parts<C: Cut, A: Send>(
     n: usize,
     grain: usize,
@@ -84,8 +88,10 @@ pub fn parts<C: Cut, A: Send>(
     in_parts(0..count, count, &|k| n * k / count, items, work, fold)
 }
 
-/// Calls `work(bound(k), part)` for the parts k in `which`, of `count` in all, of `items`, each by a thread, and folds what the
-/// calls return; part k ends where part k + 1 begins.
+/// Calls `work(bound(k), part)` for the parts k in `which` of `items`, one per thread, and folds the results.
+///
+/// There are `count` parts in all. Part k begins at `bound(k)` and ends where part k + 1 begins. `items`
+/// holds the parts in `which` only.
 fn in_parts<C: Cut, A: Send>(
     which: Range<usize>,
     count: usize,
@@ -108,8 +114,8 @@ fn in_parts<C: Cut, A: Send>(
     fold(a, b)
 }
 
-/// Calls `work(first, chunk)` for consecutive chunks of `items`, `first` being the index of the chunk's first item,
-/// and folds what the calls return.
+/// Calls `work(first, chunk)` for consecutive chunks of `items`, and folds the results. `first` is the index
+/// of the first item of the chunk.
 pub fn chunks<T: Send, A: Send>(
     items: &mut [T],
     grain: usize,
@@ -119,12 +125,12 @@ pub fn chunks<T: Send, A: Send>(
     parts(items.len(), grain, items, &work, &fold)
 }
 
-/// `chunks` for work that returns nothing.
+/// `chunks` for work without a result.
 pub fn for_chunks<T: Send>(items: &mut [T], grain: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     chunks(items, grain, work, |(), ()| ());
 }
 
-/// `for_chunks` over two lists of the same length at once.
+/// `for_chunks` over two slices of the same length.
 pub fn for_chunk_pairs<T: Send, U: Send>(
     a: &mut [T],
     b: &mut [U],
@@ -135,7 +141,7 @@ pub fn for_chunk_pairs<T: Send, U: Send>(
     parts(a.len(), grain, (a, b), &|first, (a, b)| work(first, a, b), &|(), ()| ());
 }
 
-/// Folds `value(i)` for i in 0..n. The fold must not care about the order.
+/// Folds `value(i)` for i in 0..n, from `identity`. The result must not depend on the order of the fold.
 pub fn fold<A: Send + Sync + Clone>(
     n: usize,
     grain: usize,
@@ -147,12 +153,13 @@ pub fn fold<A: Send + Sync + Clone>(
     parts(n, grain, 0..n, &part, &fold)
 }
 
-/// How many blocks of at least `grain` of `n` items keep all threads busy.
+/// Number of blocks that keep all threads busy, if `n` items are cut into blocks of at least `grain`; at
+/// least 1.
 pub fn blocks(n: usize, grain: usize) -> usize {
     rayon::current_num_threads().min(n / grain).max(1)
 }
 
-/// Calls `work` for every item, of which there are as many as threads or fewer, in parallel.
+/// Calls `work` for every item in parallel. There must be no more items than threads.
 pub fn each<T: Send>(items: &mut [T], work: &(impl Fn(&mut T) + Sync)) {
     if items.is_empty() {
         return;
@@ -161,7 +168,7 @@ pub fn each<T: Send>(items: &mut [T], work: &(impl Fn(&mut T) + Sync)) {
     in_parts(0..items.len(), items.len(), &|k| k, items, &alone, &|(), ()| ());
 }
 
-/// `value(i)` for i in 0..n.
+/// Collects `value(i)` for i in 0..n, in this order.
 pub fn collect<T: Send>(n: usize, grain: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
     if rayon::current_num_threads() == 1 || n <= grain {
         return (0..n).map(value).collect();

@@ -1,15 +1,28 @@
-//! Threads at posts. A thread that is awake between two parallel loops looks at a post of its own, where work is handed over
-//! by plain stores, in a fraction of a microsecond; and a part of a loop always goes to the same post, in whose caches its
-//! particles are: the one before the last to post 1, and so on; the last stays with whoever hands them out. He does not
-//! wait until his other stores are seen everywhere: what he shows to others at the end of a loop travels while the next one
-//! begins.
+//! A pool of spinning threads, which start short jobs quickly.
 //!
-//! At any time the posts at which a thread may offer work are its own alone: it hands some on with a part, and has them
-//! back once that part is over, or taken back. So nobody else leaves anything meanwhile, and whatever has been left before
-//! is over.
+//! The thread that calls [`with_spinning_threads`] starts the parallel loops. Every other thread of the pool
+//! serves a slot: it polls the slot instead of falling asleep between two loops, and runs the jobs that are
+//! offered there.
+//!
+//! The pool guarantees:
+//!
+//! - **One owner per slot.** At any time at most one thread may offer jobs at a slot: its owner. The owner
+//!   passes some of its slots on with a job, and owns them again once that job is finished or taken back. So
+//!   whenever a thread offers a job at a slot, the previous job there is over.
+//! - **A job runs at most once.** Either the serving thread takes it, or the thread that offered it takes it
+//!   back. One compare-and-swap of [`Inbox::taken`] decides. It runs exactly once unless the other half of
+//!   its `join` panics.
+//! - **No job outlives its `join`.** A `join` ends, also by a panic, only after its job is finished or taken
+//!   back. So a job may lie on the stack of the thread that offers it, and may borrow from there.
+//! - **The same part runs on the same thread** in all loops with the same number of parts, unless its job is
+//!   taken back. So its data stay in the caches of that thread. Of n parts, part k goes to slot n - 1 - k.
+//!   The last part stays with the thread that starts the loop.
+//! - **Offering a job is cheap.** Unless the serving thread sleeps, it takes plain stores, without a fence or
+//!   a compare-and-swap. The thread does not wait until its earlier stores are visible to others.
+//! - **Panics arrive.** A panic in a job continues in the `join` that offered it, and the pool stays usable.
 
-// Work lies on the stack of the thread that hands it over, and has a type that the one at the post does not know. It stays
-// there until it has been done, or taken back: `End`, below, sees to it.
+// A job lies on the stack of the thread that offers it, and its type is unknown to the thread that runs it.
+// `End` in `SpinningPool::join` keeps it alive until it is finished or taken back.
 #![allow(unsafe_code)]
 
 use std::any::Any;
@@ -21,20 +34,24 @@ use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU8, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex};
 use std::time::{Duration, Instant};
 
-/// How long a thread looks out for work, or for another to end its own, before it sleeps: about what it takes to wake it.
+/// How long a thread polls, for a job or for the end of one, before it sleeps: about the time that it takes
+/// to wake a thread.
 const PATIENCE: Duration = Duration::from_micros(100);
 
-/// How long it then sleeps at a time where nobody wakes it.
+/// How long a thread sleeps at a time while it waits for the end of a job, where nobody wakes it.
 const NAP: Duration = Duration::from_micros(50);
 
-/// One half of a `join`, as whoever does it knows it.
+/// The part of a [`Job`] that does not depend on its types.
 struct Task {
     run: unsafe fn(*const Task),
-    /// The posts at which parts of it may be left: its own, and the one after the last.
+    /// The slots that the thread that runs the job owns meanwhile: from the first, its own, to before the
+    /// second.
     slots: [usize; 2],
 }
 
-/// A task with its work and its result. The task comes first: whoever has a pointer to that has one to all of it.
+/// The second half of a `join`, with its result.
+///
+/// The task is the first field: a pointer to it, made from one to the whole job, can be cast back to the job.
 #[repr(C)]
 struct Job<F, R> {
     task: Task,
@@ -49,42 +66,47 @@ impl<F: FnOnce() -> R, R> Job<F, R> {
     }
 
     /// # Safety
-    /// `task` is that of an job of this type, which nobody else touches meanwhile.
+    ///
+    /// `task` comes from a pointer to a whole `Job<F, R>`, which is alive. No other thread accesses the job
+    /// during the call.
     unsafe fn run(task: *const Task) {
-        // SAFETY: the task is the first thing in the job, and nobody else touches it.
+        // SAFETY: the task is the first field of the job (`repr(C)`). The caller guarantees that the job is
+        // alive and that no other thread accesses it.
         let job = unsafe { &*task.cast::<Self>() };
         if let Some(work) = job.work.take() {
             let result = catch_unwind(AssertUnwindSafe(work));
-            // SAFETY: as above.
+            // SAFETY: as above; there is no other reference to the result.
             unsafe { *job.result.get() = Some(result) };
         }
     }
 }
 
-/// In lines of memory of its own, of which processors fetch two at a time.
+/// A value in cache lines of its own. Processors fetch lines in pairs, hence 128 bytes.
 #[repr(align(128))]
 struct Apart<T>(T);
 
-/// Where one thread looks out for work. At any time one other thread at most may offer some.
+/// A mailbox of one thread, the serving thread: another thread, the owner, offers jobs there.
 struct Slot {
-    /// How many tasks have been left, for whoever leaves them.
+    /// Number of jobs offered so far. Only the owner of the slot uses it.
     left: Apart<AtomicU64>,
     inbox: Apart<Inbox>,
     status: Apart<Status>,
 }
 
-/// What the thread at the post looks at.
+/// What the owner of the slot writes and the serving thread polls.
 struct Inbox {
-    /// How many tasks have been left. Stored last.
+    /// Number of the last job offered. It is stored last, with `Release`: whoever loads it with `Acquire`
+    /// sees that job.
     number: AtomicU64,
-    /// The number of the last that somebody took up: whoever changes this does it.
+    /// Number of the last job taken. Whoever raises it to the number of a job, by compare-and-swap, has that
+    /// job to itself.
     taken: AtomicU64,
     task: AtomicPtr<Task>,
 }
 
-/// What it tells.
+/// What the owner of the slot needs to know of the serving thread.
 struct Status {
-    /// The number of the last task that is over.
+    /// Number of the last finished job.
     done: AtomicU64,
     presence: AtomicU8,
 }
@@ -94,7 +116,7 @@ const AWAKE: u8 = 1;
 const RESTING: u8 = 2;
 
 impl Slot {
-    /// Nobody is there.
+    /// A slot that no thread serves yet.
     fn new() -> Self {
         let inbox = Inbox {
             number: AtomicU64::new(0),
@@ -105,8 +127,11 @@ impl Slot {
         Slot { left: Apart(AtomicU64::new(0)), inbox: Apart(inbox), status: Apart(status) }
     }
 
-    /// Leaves a task, unless nobody is there. Returns its number, and whether somebody seems to sleep. A thread that falls asleep
-    /// at this moment may go unseen, as may one that is at some work of rayon's: the task is then taken back.
+    /// Offers a job. Returns its number and whether the serving thread seems to sleep; none if no thread
+    /// serves the slot.
+    ///
+    /// The serving thread may be asleep all the same if it falls asleep at this moment, and it may be busy
+    /// with work of rayon's. The owner then takes the job back.
     fn offer(&self, task: *const Task) -> Option<(u64, bool)> {
         let left = self.left.0.load(Ordering::Relaxed);
         let presence = self.status.0.presence.load(Ordering::Relaxed);
@@ -121,7 +146,7 @@ impl Slot {
         Some((number, presence == RESTING))
     }
 
-    /// Whether this thread is to do the task of this number.
+    /// Tries to take the job of this number. Returns whether this thread has it now.
     fn take(&self, number: u64) -> bool {
         let taken = &self.inbox.0.taken;
         taken.compare_exchange(number - 1, number, Ordering::AcqRel, Ordering::Acquire).is_ok()
@@ -131,7 +156,8 @@ impl Slot {
         self.status.0.done.store(number, Ordering::Release);
     }
 
-    /// Takes the task of this number back, or waits until it is over. Returns whether it is this thread's again.
+    /// Takes the job of this number back, or waits until it is finished. Returns whether it has been taken
+    /// back.
     fn reclaim(&self, number: u64) -> bool {
         let done = || self.status.0.done.load(Ordering::Acquire) == number;
         if done() {
@@ -151,17 +177,19 @@ impl Slot {
     }
 }
 
-/// All threads of a pool, during `with_spinning_threads`.
+/// The slots of the threads of a rayon pool, during `with_spinning_threads`.
 struct SpinningPool {
-    /// The first is nobody's: the last part of a loop is done by who hands out the others.
+    /// One slot a thread. No thread serves slot 0: it stands for the thread that starts the loops.
     slots: Vec<Slot>,
     over: AtomicBool,
-    /// Sleepers look at their posts with the lock.
+    /// Held while a thread decides to sleep, and while others wake it.
     sleep: Mutex<()>,
     wake: Condvar,
 }
 
-/// What a thread may use: the pool to which it belongs, and the posts from the first, its own, to before the second.
+/// What a thread may use: its pool, and the slots that it owns, from the first to before the second.
+///
+/// The first is the slot that it serves itself. It may offer jobs at the others.
 #[derive(Clone, Copy)]
 struct Assignment {
     pool: *const SpinningPool,
@@ -169,10 +197,11 @@ struct Assignment {
 }
 
 thread_local! {
-    static ASSIGNMENT: Cell<Assignment> = const { Cell::new(Assignment { pool: ptr::null(), slots: [0; 2] }) };
+    static ASSIGNMENT: Cell<Assignment> =
+        const { Cell::new(Assignment { pool: ptr::null(), slots: [0; 2] }) };
 }
 
-/// Lets this thread use certain posts until it is dropped.
+/// Assigns slots to this thread until the guard is dropped.
 struct SlotGuard(Assignment);
 
 impl SlotGuard {
@@ -187,11 +216,16 @@ impl Drop for SlotGuard {
     }
 }
 
-/// Does `work` while the other threads of the pool are at their posts, and stay awake for a while each time. To be called
-/// where the ranks of this machine have a core for every thread: on shared cores they would take time from others. Within
-/// it there is none but this one.
+/// Runs `work` while the other threads of this rayon pool spin.
+///
+/// Loops within `work` then start quickly. A thread that has had no job for a while sleeps until it is woken.
+///
+/// Call this only where the ranks of this machine have a core for every thread. On shared cores, spinning
+/// threads take time from others.
+///
+/// Outside of a rayon pool, in a pool of one thread, and within another call this only runs `work`.
 pub fn with_spinning_threads<A>(work: impl FnOnce() -> A) -> A {
-    /// Ends the attendance, also where `work` panics.
+    /// Ends the service of all threads, also if `work` panics.
     struct End<'a>(&'a SpinningPool);
     impl Drop for End<'_> {
         fn drop(&mut self) {
@@ -222,7 +256,7 @@ pub fn with_spinning_threads<A>(work: impl FnOnce() -> A) -> A {
 }
 
 impl SpinningPool {
-    /// Takes up work at a post until there is no more.
+    /// Serves a slot: runs the jobs offered there, and work of rayon's, until the pool is over.
     fn serve(&self, slot: usize) {
         let Slot { inbox: Apart(inbox), status: Apart(status), .. } = &self.slots[slot];
         let mut last = 0;
@@ -234,7 +268,8 @@ impl SpinningPool {
                 last = number;
                 if self.slots[slot].take(number) {
                     let task = inbox.task.load(Ordering::Relaxed);
-                    // SAFETY: this thread has taken it up: it is where it was, and nobody else touches it, until it is over. All
+                    // SAFETY: `task` was offered by `join`, as a pointer to a whole job. This thread has
+                    // taken it: until `end`, the job stays where it is and no other thread accesses it. All
                     // of it was stored before its number.
                     unsafe {
                         let _using = SlotGuard::slots(self, (*task).slots);
@@ -253,7 +288,10 @@ impl SpinningPool {
         status.presence.store(ABSENT, Ordering::Release);
     }
 
-    /// Sleeps until there is work at the post after that with the number `last`, or a call.
+    /// Sleeps until a job after number `last` is offered, the thread is woken for other work, or the pool is
+    /// over.
+    ///
+    /// An offer wakes the thread only if it sees that the thread sleeps (see `Slot::offer`).
     fn rest(&self, slot: &Slot, last: u64) {
         let Slot { inbox: Apart(inbox), status: Apart(status), .. } = slot;
         let mut sleep = self.sleep.lock().expect("nothing panics with the lock");
@@ -267,7 +305,7 @@ impl SpinningPool {
         status.presence.store(AWAKE, Ordering::Release);
     }
 
-    /// Wakes those that sleep at some posts. They are awake from now on for whoever leaves work there.
+    /// Wakes the threads that sleep at these slots. From now on they count as awake for whoever offers a job.
     fn wake<'p>(&self, slots: impl IntoIterator<Item = &'p Slot>) {
         let sleep = self.sleep.lock().expect("nothing panics with the lock");
         for Slot { status: Apart(status), .. } in slots {
@@ -279,14 +317,17 @@ impl SpinningPool {
         self.wake.notify_all();
     }
 
-    /// `join` where this thread may use the post `k` and those up to before `end`.
+    /// `join` for a thread that owns the slots `first..end` and offers `b` at slot `k`, with
+    /// `first < k < end`.
+    ///
+    /// The thread that runs `b` owns the slots `k..end` meanwhile, and this thread keeps `first..k`.
     fn join<A, B: Send>(
         &self,
         [first, k, end]: [usize; 3],
         a: impl FnOnce() -> A,
         b: impl FnOnce() -> B + Send,
     ) -> (A, B) {
-        /// Sees to it that nobody touches an job any more before it is dropped. Returns whether it is still to be done.
+        /// Makes sure that no other thread accesses the job any more before it is dropped. Holds its number.
         struct End<'a>(&'a Slot, Option<u64>);
         impl End<'_> {
             fn reclaim(&mut self) -> bool {
@@ -312,7 +353,8 @@ impl SpinningPool {
         };
         if away.reclaim() {
             let _using = SlotGuard::slots(self, [k, end]);
-            // SAFETY: it is of this type, and nobody else's.
+            // SAFETY: `task` points to `job`, which is alive and has this type. No other thread has it: it
+            // was never offered, or has been taken back.
             unsafe { ((*task).run)(task) };
         }
         drop(away);
@@ -323,7 +365,7 @@ impl SpinningPool {
     }
 }
 
-/// A wait without sleep, which ends by itself.
+/// Waits for a limited time without sleeping.
 #[derive(Default)]
 struct Backoff {
     rounds: u32,
@@ -331,27 +373,31 @@ struct Backoff {
 }
 
 impl Backoff {
-    /// Passes a moment; false once it has been too many.
+    /// Waits for a moment. Returns false once [`PATIENCE`] is over.
     fn goes_on(&mut self) -> bool {
         self.rounds += 1;
         if self.rounds < 128 || !self.rounds.is_multiple_of(32) {
             spin_loop();
             return true;
         }
-        // Whoever shares this core goes first.
+        // Other threads of this core go first.
         std::thread::yield_now();
         self.since.get_or_insert_with(Instant::now).elapsed() < PATIENCE
     }
 }
 
-/// Does `a` and `b`, the latter, whose last part belongs to post `k`, by another thread if one is free.
+/// Runs `a` on this thread and `b` on another one if possible. Returns both results.
+///
+/// `b` is offered at slot `k` of a spinning pool if this thread owns that slot. If it does not, this thread
+/// runs `a` and then `b`. Outside of a spinning pool this is rayon's `join`.
 pub fn join<A: Send, B: Send>(
     k: usize,
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
     let Assignment { pool, slots: [first, end] } = ASSIGNMENT.get();
-    // SAFETY: a pool lives longer than the memberships: `with_spinning_threads` waits for its threads, and gives up its own before.
+    // SAFETY: the pool outlives all assignments that point to it. `with_spinning_threads` drops its own
+    // first, and waits for its threads, which drop theirs after every job.
     match unsafe { pool.as_ref() } {
         Some(pool) if first < k && k < end => pool.join([first, k, end], a, b),
         Some(_) => (a(), b()),
@@ -359,12 +405,12 @@ pub fn join<A: Send, B: Send>(
     }
 }
 
-/// The other threads are at their posts: little work is worth sharing.
+/// Whether loops of this thread run in a spinning pool. Even small amounts of work are then worth sharing.
 pub fn is_spinning() -> bool {
     !ASSIGNMENT.get().pool.is_null()
 }
 
-/// Wakes those who rest: there is work for any thread.
+/// Wakes all sleeping threads of the pool, for work of rayon's.
 pub fn wake() {
     // SAFETY: as in `join`.
     if let Some(pool) = unsafe { ASSIGNMENT.get().pool.as_ref() } {

@@ -1,11 +1,11 @@
-//! Loops visit every item, by any threads at their posts or not, and a panic stays a panic.
+//! Loops visit every item, with spinning threads and without, and a panic in a part arrives at the caller.
 
 use super::*;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// Does `work` in a pool of so many threads, of which the others are at their posts.
+/// Runs `work` in a pool of `threads` threads, of which the others spin.
 fn at_posts<A: Send>(threads: usize, work: impl FnOnce() -> A + Send) -> A {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| with_spinning_threads(work))
@@ -46,7 +46,7 @@ fn loops_that_follow_each_other_closely_do_every_part_once() {
 
 #[test]
 fn another_thread_takes_up_its_part_at_once_or_from_sleep() {
-    /// Whether both parts of a loop are under way at the same time before either has waited for 5 ms.
+    /// Whether both parts of a loop run at the same time before either has waited for 5 ms.
     fn both_at_once() -> bool {
         let begun = AtomicUsize::new(0);
         let mut met = [false; 2];
@@ -63,7 +63,8 @@ fn another_thread_takes_up_its_part_at_once_or_from_sleep() {
     at_posts(2, || {
         let start = Instant::now();
         for round in 0..10 {
-            // Long enough for the other to fall asleep, every other time. It may come late, where the machine is busy.
+            // Every other time this is long enough for the other thread to fall asleep. It may start late
+            // where the machine is busy.
             std::thread::sleep(Duration::from_millis(round % 2 * 3));
             while !both_at_once() {
                 assert!(start.elapsed() < Duration::from_secs(60), "round {round}: nobody takes up a part");

@@ -1,4 +1,5 @@
-//! What a motion conserves or only loses: energy and momentum; and the order at which the method finds the motion.
+//! What a motion conserves or only loses: energy and momentum; and the order at which the method finds the
+//! motion.
 
 use crate::common::{Case, Snapshot, assert_near};
 use demhybrid::math::vector::Vec3;
@@ -7,8 +8,8 @@ const R: f64 = 0.1;
 const F_0: f64 = 10.0;
 const KAPPA: f64 = 150.0;
 
-/// Gap (m) and closing speed (m/s) of an elastic head-on impact of two unit spheres at `t` (s) after the smallest gap;
-/// `v` (m/s) is the speed of approach from far away.
+/// Gap (m) and closing speed (m/s) of an elastic head-on impact of two unit spheres at `t` (s) after the
+/// smallest gap; `v` (m/s) is the speed of approach from far away.
 fn elastic_course(v: f64, t: f64) -> [f64; 2] {
     let x = 0.5 * KAPPA * v * t;
     let l_min = -(KAPPA * 0.5 * v * v / (2.0 * F_0)).ln() / KAPPA;
@@ -53,8 +54,8 @@ fn halving_the_step_of_an_elastic_impact_divides_the_error_by_sixteen() {
 
 #[test]
 fn an_elastic_pair_keeps_its_energy() {
-    // Both ends of the contact are crossed; l_max = 0.1 m makes energy jump unless the stored energy is shifted to
-    // vanish there: by 2e-8 J of 5 J.
+    // Both ends of the contact are crossed; l_max = 0.1 m makes energy jump unless the stored energy is
+    // shifted to vanish there: by 2e-8 J of 5 J.
     for l_max in [0.1, 0.2] {
         let run = Case::tight()
             .set("contact.restitution", 1.0)
@@ -94,8 +95,8 @@ fn energy_never_grows_where_contacts_dissipate() {
             "e = {e}, phi = {phi}, rotation {rotation}: {first} J to {last} J, largest rise {rise:.1e} J"
         );
         assert!(last < 0.9 * first, "nothing was lost: {first} J, {last} J");
-        // 27 kg at some m/s: an error rate of 1e-4 m/s^2 makes 27 * 3 * 1e-4/3 * 0.002 = 5e-6 J between two frames.
-        // Without rho(0) on the stored energy it rises by several J.
+        // 27 kg at some m/s: an error rate of 1e-4 m/s^2 makes 27 * 3 * 1e-4/3 * 0.002 = 5e-6 J between two
+        // frames. Without rho(0) on the stored energy it rises by several J.
         assert!(rise < 5e-6, "energy rose by {rise} J");
     }
 }
@@ -157,8 +158,8 @@ fn energy_and_what_was_dissipated_stay_what_energy_was_at_the_start() {
     let first = run.frames[0].energy();
     let off = |frame: &Snapshot| (frame.energy() + frame.dissipated.iter().sum::<f64>() - first).abs();
     let worst = run.frames.iter().map(off).fold(0.0, f64::max);
-    // A step may be off by 1e-7 of 1 m/s in its worst component: 2.5e-7 J for 1 kg at 2.5 m/s. This is what 40 such steps
-    // make if all err alike, of 2200 steps, of which most are far from an impact that hard.
+    // A step may be off by 1e-7 of 1 m/s in its worst component: 2.5e-7 J for 1 kg at 2.5 m/s. This is what
+    // 40 such steps make if all err alike, of 2200 steps, of which most are far from an impact that hard.
     assert_near("energy balance, J", worst, 0.0, 1e-5);
     let [rebound, friction] = run.end().dissipated;
     assert!(rebound > 50.0 && friction > 1.0, "{rebound} J and {friction} J: little was tested");

@@ -12,7 +12,8 @@ const PHI: f64 = 0.2;
 const V_MIN: f64 = 0.01;
 /// Share of the repulsion between surfaces at rest, (1 + e^2)/2.
 const RHO_0: f64 = 0.58;
-/// Friction is phi F and the load rho F: the effective coefficient of a contact at rest is phi/rho_0, not phi.
+/// Friction is phi F and the load rho F: the effective coefficient of a contact at rest is phi/rho_0, not
+/// phi.
 const PHI_STATIC: f64 = PHI / RHO_0;
 
 /// A sphere that does not spin hits the floor with `v_n` and slides over it with `v_t` (m/s): state after it.
@@ -27,8 +28,8 @@ fn oblique_impact(v_n: f64, v_t: f64) -> (Vec3, Vec3) {
 
 #[test]
 fn a_sliding_impact_passes_on_friction_of_the_unreduced_repulsion() {
-    // v_n, J = int F dt/m and its last digit, impact friction coefficient phi J/J_n. With rho F in place of F the
-    // coefficient would be 0.2 throughout.
+    // v_n, J = int F dt/m and its last digit, impact friction coefficient phi J/J_n. With rho F in place of F
+    // the coefficient would be 0.2 throughout.
     let table = [
         [0.2, f64::NAN, f64::NAN, 0.3592],
         [1.0, 3.125692, 6e-7, 0.4412],
@@ -93,7 +94,8 @@ impl Slope {
         }
     }
 
-    /// A sphere of `mass` (kg) set on the slope with velocity `v` (m/s) down it, where it neither sinks nor rises.
+    /// A sphere of `mass` (kg) set on the slope with velocity `v` (m/s) down it, where it neither sinks nor
+    /// rises.
     fn sphere(&self, rotation: bool, mass: f64, v: f64) -> Case {
         let gap = -(mass * G * self.angle.cos() / (RHO_0 * F_0)).ln() / KAPPA;
         // The normal's length does not matter.
@@ -111,7 +113,8 @@ impl Slope {
         [v, v - R * frame.omega[0].dot(&axis)]
     }
 
-    /// Acceleration (m/s^2) in the second half of `run`, with `run.frames` two equal spans long, and the last slip.
+    /// Acceleration (m/s^2) in the second half of `run`, with `run.frames` two equal spans long, and the last
+    /// slip.
     fn acceleration_and_slip(&self, run: &Run) -> [f64; 2] {
         let last = run.frames.len() - 1;
         let [[early, _], [late, slip]] = [last / 2, last].map(|k| self.speed_and_slip(run, k));
@@ -185,8 +188,8 @@ fn a_sphere_slides_down_a_slope_steeper_than_fifty_degrees() {
         let run = slope.sphere(true, 1.0, 0.0).set("t_end", 2.0).set("output.interval", 1.0).run();
         slope.acceleration_and_slip(&run)[1]
     };
-    // Below: the steady slip, less than v_min. Above: slip grows with g (sin - 3.5 phi_static cos) t, 0.1 degrees
-    // being 0.027 m/s^2.
+    // Below: the steady slip, less than v_min. Above: slip grows with g (sin - 3.5 phi_static cos) t, 0.1
+    // degrees being 0.027 m/s^2.
     let steady = slip_of(2.0 * ((critical - 0.1) * PI / 180.0).tan() / (7.0 * PHI_STATIC));
     assert_near("slip 0.1 degrees below, m/s", slip(critical - 0.1), steady, 1e-6);
     assert!(slip(critical + 0.1) > 4.0 * V_MIN, "{}", slip(critical + 0.1));
@@ -208,7 +211,8 @@ fn a_block_creeps_below_the_critical_angle_and_slides_above() {
     assert_near("a at 25 degrees, m/s^2", slope.acceleration_and_slip(&run)[0], 1.080065, 6e-7);
 }
 
-/// Friction on the first of two spheres, eqs. (2.1), (2.6)-(2.8), as printed; with the gap (m) and the normal.
+/// Friction on the first of two spheres, eqs. (2.1), (2.6)-(2.8), as printed; with the gap (m) and the
+/// normal.
 fn pair_friction(x: &[Vec3], v: &[Vec3], omega: &[Vec3]) -> (Vec3, f64, Vec3) {
     let apart = x[0] - x[1];
     let d = apart.norm();

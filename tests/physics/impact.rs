@@ -66,7 +66,8 @@ struct Measured {
 fn measure(gaps: &[[f64; 3]], m_eff: f64) -> Measured {
     let force = |l: f64| F_0 * (-KAPPA * l).exp();
     let &[t, l, rate] = gaps.iter().min_by(|a, b| a[1].total_cmp(&b[1])).unwrap();
-    // From the lowest frame to the lowest point at constant force: what is left out is of fourth order, 1e-9 here.
+    // From the lowest frame to the lowest point at constant force: what is left out is of fourth order, 1e-9
+    // here.
     let t_min = t - rate * m_eff / force(l);
     let l_min = l - 0.5 * rate * rate * m_eff / force(l);
     let edge = -(0.01 * force(l_min) / F_0).ln() / KAPPA;
@@ -80,8 +81,9 @@ fn measure(gaps: &[[f64; 3]], m_eff: f64) -> Measured {
     Measured { t_min, l_min, above: end - begin, v_out: gaps.last().unwrap()[2] }
 }
 
-/// Compares an elastic impact of `m_eff` (kg) at `v` (m/s) with the closed form and with its values as published:
-/// largest force (N), smallest gap (mm), time above 1 % of the force (ms), each with half a unit of its last digit.
+/// Compares an elastic impact of `m_eff` (kg) at `v` (m/s) with the closed form and with its values as
+/// published: largest force (N), smallest gap (mm), time above 1 % of the force (ms), each with half a unit
+/// of its last digit.
 fn check_elastic(name: &str, run: &Run, m_eff: f64, v: f64, published: [[f64; 2]; 3]) {
     let gaps = gaps(run);
     let found = measure(&gaps, m_eff);
@@ -139,7 +141,8 @@ fn impulse(e: f64, v: f64, sign: f64) -> f64 {
     h / 3.0 * (value(0) + 4.0 * odd + 2.0 * even + value(n))
 }
 
-/// Speed after an impact with `v_in` (m/s): both sides of int u/rho(u) du = int u/rho(-u) du are the integral of F dl.
+/// Speed after an impact with `v_in` (m/s): both sides of int u/rho(u) du = int u/rho(-u) du are the integral
+/// of F dl.
 fn rebound_speed(e: f64, v_in: f64) -> f64 {
     let wanted = impulse(e, v_in, 1.0);
     let (mut low, mut high) = (0.0, v_in);
@@ -169,7 +172,8 @@ const E_EFF: [[f64; 3]; 11] = [
 fn slow_impacts_are_nearly_elastic_and_fast_ones_keep_the_nominal_restitution() {
     for [v, published, half] in E_EFF {
         let out = on_floor(1.0, 0.4, v, 1.0).end().v[0].z;
-        // The error rate is 3e-10 m/s a second at most, and the slowest impact takes 400 s, most of it in free flight.
+        // The error rate is 3e-10 m/s a second at most, and the slowest impact takes 400 s, most of it in
+        // free flight.
         assert_near(&format!("v_out at {v} m/s"), out, rebound_speed(0.4, v), 3e-9);
         assert_near(&format!("e_eff at {v} m/s"), out / v, published, half);
     }

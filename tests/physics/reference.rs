@@ -1,5 +1,6 @@
-//! End states of small many-body cases by an independent program: DOP853 of SciPy at rtol = 1e-11, in which the
-//! paper's equations are written out anew (tests/data/reference; the parameters of NAME.json are those of NAME.toml).
+//! End states of small many-body cases by an independent program: DOP853 of SciPy at rtol = 1e-11, in which
+//! the paper's equations are written out anew (tests/data/reference; the parameters of NAME.json are those of
+//! NAME.toml).
 
 use crate::common::{root, run};
 use demhybrid::scene::Scene;
@@ -7,13 +8,14 @@ use demhybrid::scene::initial_condition::read_csv;
 
 /// The case as its file has it: Merson with the published error rate.
 fn check(name: &str) {
-    // m, m/s and rad/s alike. The reference is good to 1e-10 or so; collisions have amplified what each makes wrong.
+    // m, m/s and rad/s alike. The reference is good to 1e-10 or so; collisions have amplified what each makes
+    // wrong.
     let worst = deviation(name, None);
     assert!(worst < 1e-6, "{name}: {worst:e}");
 }
 
-/// Largest deviation of any component of the end state from the reference (m, m/s, rad/s), with the lines of `solver` in
-/// place of the file's.
+/// Largest deviation of any component of the end state from the reference (m, m/s, rad/s), with the lines of
+/// `solver` in place of the file's.
 fn deviation(name: &str, solver: Option<&str>) -> f64 {
     let folder = root().join("tests/data/reference");
     let text = std::fs::read_to_string(folder.join(format!("{name}.toml"))).unwrap();

@@ -61,8 +61,8 @@ fn a_sphere_at_rest_oscillates_with_the_predicted_frequency_and_damping() {
     for (e, published) in [(0.4, 0.92593), (0.7, 0.43767), (0.95, 0.06553)] {
         let zeta = 0.5 * (1.0 - e * e) * PSI * G / (2.0 * rho_0(e) * omega_0);
         assert_near("zeta", zeta, published, 5e-6);
-        // Half the difference of two opposite shifts: what is quadratic in the shift drops out, and the cubic rest is
-        // (kappa shift)^2 = 2e-6 of the shift.
+        // Half the difference of two opposite shifts: what is quadratic in the shift drops out, and the cubic
+        // rest is (kappa shift)^2 = 2e-6 of the shift.
         let shift = 1e-5;
         let (up, down) = (released(e, shift), released(e, -shift));
         let omega_d = omega_0 * (1.0 - zeta * zeta).sqrt();

@@ -1,5 +1,6 @@
-//! What the program owes its user on top of the equations: effects that are off change nothing, output changes
-//! nothing, nothing flies through anything, directions are alike, and what cannot be computed is an error.
+//! What the program owes its user on top of the equations: effects that are off change nothing, output
+//! changes nothing, nothing flies through anything, directions are alike, and what cannot be computed is an
+//! error.
 
 use crate::common::{Case, Run, run_law, run_unturnable};
 use demhybrid::error::Error;
@@ -62,8 +63,8 @@ fn the_stabilised_method_leaves_out_weak_contacts_and_the_others_nothing() {
             .sphere(Vec3::new(0.28, 0.0, 0.0), Vec3::zeros())
     };
     let left_out = pair("chebyshev").run();
-    // The start, and its stiffness in a dozen right-hand sides, are evaluated before a method is at work: its slope must not get
-    // into the steps.
+    // The start, and its stiffness in a dozen right-hand sides, are evaluated before a method is at work: its
+    // slope must not get into the steps.
     let counts = left_out.outcome.counts;
     assert!(counts.pairs <= 13 && counts.rhs > 200, "{counts:?}");
     assert_eq!(left_out.end().v, [Vec3::zeros(); 2]);
@@ -233,8 +234,8 @@ fn a_tolerance_below_round_off_ends_the_run_with_an_error() {
 
 #[test]
 fn steps_that_only_the_minimum_lets_pass_are_counted() {
-    // Beyond l_max = 0.1 m with kappa = 30 the force jumps by 0.5 N, which no step resolves to 1e-6 m/s^2: one step
-    // passes unresolved on the way in, and one on the way out.
+    // Beyond l_max = 0.1 m with kappa = 30 the force jumps by 0.5 N, which no step resolves to 1e-6 m/s^2:
+    // one step passes unresolved on the way in, and one on the way out.
     let run = Case::config("bounce.toml").set("contact.stiffness_exponent", 30.0).set("t_end", 2.5).run();
     let forced = run.outcome.counts.forced;
     assert!((1..=2).contains(&forced), "{forced} forced");
@@ -268,8 +269,8 @@ fn a_turned_scene_gives_the_turned_result() {
     assert!(plain[4].norm() > 0.1 && plain[5].norm() > 0.1, "they do not spin: {plain:?}");
     let turned = end(Rotation3::from_euler_angles(0.4, -1.1, 2.3));
     for (plain, turned) in plain.iter().zip(&turned) {
-        // Steps differ, because the error is measured along the axes: 1e-9 of error rate, amplified by collisions,
-        // in rad/s tenfold more than in m/s.
+        // Steps differ, because the error is measured along the axes: 1e-9 of error rate, amplified by
+        // collisions, in rad/s tenfold more than in m/s.
         assert!((plain - turned).norm() < 2e-7, "{plain} became {turned}");
     }
 }
@@ -299,8 +300,8 @@ fn a_sphere_that_leaves_through_an_open_side_flies_on() {
 
 #[test]
 fn a_frame_at_the_moment_when_centres_pass_through_each_other_does_not_end_the_run() {
-    // Forces too weak to matter: two spheres 0.5 m apart that close at 8 m/s share one centre at 1/16 s, where the steps
-    // of 1/256 s, limited by travel, have no stage but the frame has one.
+    // Forces too weak to matter: two spheres 0.5 m apart that close at 8 m/s share one centre at 1/16 s,
+    // where the steps of 1/256 s, limited by travel, have no stage but the frame has one.
     let run = |interval: f64| {
         let step = 1.0 / 256.0;
         Case::tight()

@@ -1,22 +1,26 @@
-//! How densely a bed is packed: the volume of the union of its spheres, their contacts, and the part of the bed that
-//! is measured.
+//! How densely a bed is packed: the volume of the union of its spheres, their contacts, and the part of the
+//! bed that is measured.
 
 use crate::engine::neighbors::{Key, Lists};
 use crate::math::vector::Vec3;
 use crate::scene::Scene;
 
-/// Share of the box from `low` to `high` (m, `low` < `high` on each axis) that is covered by spheres of radius `r` (m)
-/// around the centres `x` (m). What several spheres cover counts once.
+/// Share of the box from `low` to `high` (m, `low` < `high` on each axis) that spheres of radius `r` (m)
+/// cover.
 ///
-/// The box is cut into columns along z; in the middle of each the covered length is exact. Columns are as wide as
-/// r/80, and wider, up to r/5, beyond 1500 spheres, whose errors average out. The error is 1e-6 for spheres that lie
-/// at random as in the paper's bed, and 1e-5 where all sit alike on the columns; a single sphere is exact to 3e-5 of
-/// its volume (root mean square) and 1e-4 at worst.
+/// `x` are the centres (m). A point inside several spheres counts once.
+///
+/// The box is divided into columns along z, and the covered length in the middle of each column is exact.
+/// Columns are r/80 wide. Beyond 1500 spheres they are wider, up to r/5, because the errors average out.
+///
+/// The error is 1e-6 for spheres at random positions, as in the bed of the paper. It is 1e-5 if all spheres
+/// have the same position relative to the columns. For a single sphere it is 3e-5 of its volume (root mean
+/// square), and 1e-4 at most.
 pub fn union_volume_fraction(x: &[Vec3], r: f64, low: Vec3, high: Vec3) -> f64 {
     let mut inside: Vec<Vec3> =
         x.iter().filter(|x| (0..3).all(|k| x[k] + r > low[k] && x[k] - r < high[k])).copied().collect();
-    // From bottom to top, so that the intervals of a column arrive almost in order; one order, whatever the order in
-    // `x`, so that the sum is the same to the last bit.
+    // Sort by height, so that the intervals of a column arrive almost in order. The sorted order does not
+    // depend on the order in `x`, so the sum is always the same to the last bit.
     inside.sort_unstable_by(|a, b| {
         [2, 0, 1].map(|k| a[k]).partial_cmp(&[2, 0, 1].map(|k| b[k])).expect("no NaN is inside the box")
     });
@@ -40,7 +44,7 @@ pub fn union_volume_fraction(x: &[Vec3], r: f64, low: Vec3, high: Vec3) -> f64 {
                 intervals[column].push([(x.z - half).max(low.z), (x.z + half).min(high.z)]);
             }
         }
-        // Only the columns that spheres cover; the first sphere of a column takes all of its intervals.
+        // Visit only the columns that spheres cover. The first sphere of a column takes all of its intervals.
         for x in spheres {
             for column in columns.within(x.y, half_chord2(x).sqrt()) {
                 covered += union_length(&mut intervals[column]);
@@ -50,7 +54,8 @@ pub fn union_volume_fraction(x: &[Vec3], r: f64, low: Vec3, high: Vec3) -> f64 {
     covered / (rows.count * columns.count) as f64 / (high.z - low.z)
 }
 
-/// Total length of the union of `intervals`, m; takes them out. Those that end below their beginning are empty.
+/// Total length of the union of `intervals`, m. Empties the list. An interval whose end is below its
+/// beginning has no length.
 fn union_length(intervals: &mut Vec<[f64; 2]>) -> f64 {
     intervals.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
     let (mut length, mut end) = (0.0, f64::NEG_INFINITY);
@@ -63,7 +68,7 @@ fn union_length(intervals: &mut Vec<[f64; 2]>) -> f64 {
     length
 }
 
-/// Equal strips of a stretch of one axis, each with its middle line.
+/// Strips of equal width that divide a range of one axis.
 struct Lines {
     low: f64,
     width: f64,
@@ -71,7 +76,7 @@ struct Lines {
 }
 
 impl Lines {
-    /// From `low` to `high`, at most as wide as `width`, m.
+    /// Strips from `low` to `high` (m), each at most as wide as `width` (m).
     fn new(low: f64, high: f64, width: f64) -> Self {
         let count = ((high - low) / width).ceil().max(1.0);
         Lines { low, width: (high - low) / count, count: count as usize }
@@ -81,17 +86,19 @@ impl Lines {
         self.low + (k as f64 + 0.5) * self.width
     }
 
-    /// The lines whose middle is within `reach` of `centre`, m.
+    /// The strips whose middle is within `reach` (m) of `centre` (m).
     fn within(&self, centre: f64, reach: f64) -> std::ops::Range<usize> {
-        // Casts saturate: 0 below the first line.
+        // Casts saturate, so a position below the first strip gives 0.
         let lines_below = |x: f64| ((x - self.low) / self.width + 0.5).floor() as usize;
         lines_below(centre - reach).min(self.count)..lines_below(centre + reach).min(self.count)
     }
 }
 
-/// Mean number of other spheres of radius `r` (m) that a sphere touches, for the centres `x` (m); 0 without spheres.
-/// Surfaces touch where their gap is not positive. The soft law has no sharp contact: it also repels across a gap,
-/// and a gap of 0 is where the repulsion reaches F_0.
+/// Mean number of other spheres of radius `r` (m) that a sphere touches, for the centres `x` (m); 0 without
+/// spheres.
+///
+/// Surfaces touch if their gap is not positive. This is a convention: the soft contact law also repels across
+/// a gap, and the repulsion at a gap of 0 is F_0.
 pub fn mean_coordination_number(x: &[Vec3], r: f64) -> f64 {
     if x.is_empty() {
         return 0.0;
@@ -102,10 +109,15 @@ pub fn mean_coordination_number(x: &[Vec3], r: f64) -> f64 {
     2.0 * lists.pairs() as f64 / x.len() as f64
 }
 
-/// The box, as its lower and upper corner (m), in which the density of the bed of `scene` with the centres `x` (m) is
-/// measured: the base of `container.box`, from its floor up to the shorter side of the base. A bed that is too
-/// shallow for that, with less than a tenth of its centres above, is measured up to the height below which three
-/// quarters of the centres lie. None without a closed base or without a bed on it.
+/// The box in which the density of the bed is measured, as its lower and upper corner (m). `x` are the
+/// centres (m).
+///
+/// It stands on the base of `container.box`, and its height is the shorter side of the base.
+///
+/// A bed is too shallow for that if less than a tenth of its centres are above. The box then ends at the
+/// height below which three quarters of the centres lie.
+///
+/// `None` if the base is not closed or has no bed on it.
 pub fn bed_region(scene: &Scene, x: &[Vec3]) -> Option<(Vec3, Vec3)> {
     let sides = scene.container.r#box.as_ref()?;
     let (low, mut high) = (Vec3::from(sides.min), Vec3::from(sides.max));
@@ -133,9 +145,10 @@ mod tests {
 
     const R: f64 = 0.1;
     const SPHERE: f64 = 4.0 / 3.0 * PI * R * R * R;
-    /// A lattice can put all spheres alike on the columns, where errors add up: 1.2e-5 was the largest seen.
+    /// In a lattice all spheres can have the same position relative to the columns, and errors add up to
+    /// 1.2e-5.
     const ALIGNED: f64 = 2e-5;
-    /// Of 2000 random positions of one sphere, the worst was wrong by 1.1e-4 of its volume.
+    /// For 2000 random positions of one sphere, the largest error was 1.1e-4 of its volume.
     const ONE_SPHERE: f64 = 1.5e-4 * SPHERE;
 
     fn in_unit_cube(x: &[Vec3]) -> f64 {
@@ -154,7 +167,7 @@ mod tests {
     fn a_simple_cubic_lattice_covers_pi_over_six() {
         let measured = in_unit_cube(&cubic(5, 2.0 * R, Vec3::repeat(R)));
         assert!((measured - PI / 6.0).abs() < ALIGNED, "{measured}");
-        // Also where the box cuts the spheres, here at thirds of a cell.
+        // The same if the box cuts the spheres, here at thirds of a cell.
         let shifted = in_unit_cube(&cubic(6, 2.0 * R, Vec3::repeat(R / 3.0)));
         assert!((shifted - PI / 6.0).abs() < ALIGNED, "{shifted}");
     }
@@ -206,14 +219,14 @@ mod tests {
 
     #[test]
     fn a_bed_of_random_overlaps_has_the_poisson_fraction() {
-        // For independent centres the uncovered share is exp(-number density * volume of a sphere).
+        // For independent centres, the share not covered is exp(-number density * volume of a sphere).
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let x: Vec<Vec3> =
             (0..200_000).map(|_| Vec3::from_fn(|_, _| random.random_range(-0.1..1.1))).collect();
         let r = 0.01;
         let exact = 1.0 - (-(200_000.0 / 1.2f64.powi(3)) * SPHERE * 1e-3).exp();
         let measured = union_volume_fraction(&x, r, Vec3::zeros(), Vec3::repeat(1.0));
-        // How far one draw is from the mean: about the root of a sphere's volume, 2e-3.
+        // Deviation of one sample from the mean: about the square root of the volume of a sphere, 2e-3.
         assert!((measured - exact).abs() < 5e-3, "{measured} {exact}");
     }
 
@@ -227,7 +240,7 @@ mod tests {
         assert_eq!(in_unit_cube(&x), measured);
         x.rotate_left(77);
         assert_eq!(in_unit_cube(&x), measured);
-        // Other columns: this is the error where spheres lie at random.
+        // This uses other columns, so the difference is the error for spheres at random positions.
         let turned: Vec<Vec3> = x.iter().map(Vec3::yzx).collect();
         let other = in_unit_cube(&turned);
         assert!((other - measured).abs() < 1e-5, "{measured} {other}: 1.5e-6 was seen");
@@ -235,7 +248,7 @@ mod tests {
 
     #[test]
     fn a_chain_of_touching_spheres_has_two_contacts_each_but_its_ends() {
-        // A spacing of exactly 2 r: the gap is 0.
+        // The spacing is exactly 2 r, so the gap is 0.
         let chain: Vec<Vec3> = (0..10).map(|k| Vec3::new(0.0, 0.5 * k as f64, 3.0)).collect();
         assert_eq!(mean_coordination_number(&chain, 0.25), 18.0 / 10.0);
         assert_eq!(mean_coordination_number(&chain, 0.2499), 0.0);
@@ -252,7 +265,7 @@ mod tests {
         assert_eq!(mean_coordination_number(&x, R), 6.0 * 19.0 / 20.0);
     }
 
-    /// Centres at equal distances in height, from 0 to `top`.
+    /// Centres at equal vertical distances, from 0 to `top`.
     fn up_to(top: f64) -> Vec<Vec3> {
         (0..=100).map(|k| Vec3::new(0.5, 0.5, top * k as f64 / 100.0)).collect()
     }

@@ -1,4 +1,4 @@
-//! Who touches whom: coordination, rattlers, overlaps and forces of the contacts of a bed.
+//! Contacts of a bed: coordination, rattlers, overlaps and forces.
 
 use super::union::for_each_pair;
 use crate::files::run_file::State;
@@ -7,22 +7,24 @@ use crate::math::vector::Vec3;
 use crate::model::contact::Rebound;
 use crate::scene::{Scene, effects};
 
-/// What a sphere touches.
+/// The body that a sphere touches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Partner {
     /// The sphere of this id.
     Sphere(usize),
-    /// The wall of this number, as [`container::walls`] counts them.
+    /// The wall of this index in the list of [`crate::scene::walls::walls`].
     Wall(usize),
 }
 
-/// Two surfaces that touch: their gap is not positive. The soft law has no sharp contact: it also repels across a gap,
-/// and a gap of 0 is where the repulsion reaches F_0.
+/// Two surfaces that touch, because their gap is not positive.
+///
+/// This is a convention: the soft contact law also repels across a gap, and the repulsion at a gap of 0 is
+/// F_0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Id of the sphere.
     pub i: usize,
-    /// Its partner, of a higher id where it is a sphere.
+    /// The other body. If it is a sphere, its id is the higher one.
     pub partner: Partner,
     /// Overlap of the surfaces, m.
     pub overlap: f64,
@@ -30,7 +32,7 @@ pub struct Contact {
     pub force: f64,
 }
 
-/// All contacts of a state, pairs before walls, each by ascending ids.
+/// All contacts of a state: first pairs, then walls, each by ascending ids.
 pub fn contacts(scene: &Scene, state: &State) -> Vec<Contact> {
     let r = scene.particles.radius;
     let law = effects::law(scene, effects::dissipative(scene), effects::frictionless(scene));
@@ -65,7 +67,7 @@ pub fn contacts(scene: &Scene, state: &State) -> Vec<Contact> {
     found
 }
 
-/// How many contacts every sphere has with others.
+/// Number of contacts that every sphere has with other spheres.
 pub fn coordination(count: usize, contacts: &[Contact]) -> Vec<usize> {
     let mut numbers = vec![0; count];
     for contact in contacts {
@@ -77,15 +79,17 @@ pub fn coordination(count: usize, contacts: &[Contact]) -> Vec<usize> {
     numbers
 }
 
-/// Fewest contacts, walls included, that can hold a sphere: 4 by repulsion alone, 3 where gravity is one of the forces,
-/// and one fewer of each where surfaces rub.
+/// Smallest number of contacts, walls included, that can hold a sphere.
+///
+/// Repulsion alone needs 4. Gravity and friction reduce the number by one each.
 pub fn fewest_that_hold(scene: &Scene) -> usize {
     let gravity = usize::from(scene.gravity != [0.0; 3]);
     let rubs = usize::from(scene.friction.as_ref().is_some_and(|friction| friction.coefficient > 0.0));
     4 - gravity - rubs
 }
 
-/// Which spheres are rattlers: they have fewer contacts than can hold them, contacts with other rattlers not counted.
+/// Whether each sphere is a rattler: it has fewer contacts than `fewest`, not counting contacts with
+/// rattlers.
 pub fn rattlers(count: usize, contacts: &[Contact], fewest: usize) -> Vec<bool> {
     let mut partners = vec![Vec::new(); count];
     let mut numbers = vec![0usize; count];
@@ -123,7 +127,8 @@ mod tests {
     #[test]
     fn a_stack_at_rest_carries_its_weight() {
         let scene = scene("gravity = [0, 0, -9.81]\ncontainer.box = { min = [0, 0, 0], max = [1, 1, inf] }");
-        // docs: two spheres at rest on each other overlap by 3.50363 mm, the lower one and the floor by 8.12461 mm.
+        // From the documentation: two spheres at rest on each other overlap by 3.50363 mm, the lower one and
+        // the floor by 8.12461 mm.
         let state = at_rest(vec![[0.5, 0.5, 0.1 - 8.12461e-3], [0.5, 0.5, 0.3 - 8.12461e-3 - 3.50363e-3]]);
         let found = contacts(&scene, &state);
         assert_eq!(found.len(), 2);
@@ -132,7 +137,7 @@ mod tests {
         assert!((found[0].overlap - 3.50363e-3).abs() < 1e-12);
         assert!((found[0].force - 9.81).abs() < 1e-4, "{}", found[0].force);
         assert!((found[1].force - 2.0 * 9.81).abs() < 1e-4, "{}", found[1].force);
-        // Separating surfaces push with e^2 of it, closing ones with all of it; rho(0) = (1 + e^2)/2.
+        // The force has the factor e^2 on separation, 1 on approach, and rho(0) = (1 + e^2)/2 at rest.
         for (speed, share) in [(20.0, 0.16), (-20.0, 1.0)] {
             let mut moving = state.clone();
             moving.v[1][2] = speed;
@@ -146,7 +151,7 @@ mod tests {
         let n = 6;
         let cubic: Vec<[f64; 3]> =
             (0..n * n * n).map(|k| [k % n, k / n % n, k / n / n].map(|c: usize| 0.1999 * c as f64)).collect();
-        // On the even points of a cubic lattice: face-centred.
+        // The even points of a cubic lattice form a face-centred one.
         let step = 0.1999 / 2f64.sqrt();
         let face: Vec<[f64; 3]> = (0..8 * 8 * 8)
             .map(|k| [k % 8, k / 8 % 8, k / 64])
@@ -170,7 +175,7 @@ mod tests {
     fn rattlers_are_found_one_after_another() {
         let pair = |i, j| Contact { i, partner: Partner::Sphere(j), overlap: 0.0, force: 1.0 };
         let wall = |i| Contact { i, partner: Partner::Wall(0), overlap: 0.0, force: 1.0 };
-        // A tetrahedron of 0 to 3 with a wall at each, a chain 4-5-6 on it, and 7 alone.
+        // Spheres 0 to 3 form a tetrahedron with a wall at each, 4-5-6 is a chain on it, and 7 is alone.
         let mut all: Vec<Contact> = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3), (3, 4), (4, 5), (5, 6)]
             .map(|(i, j)| pair(i, j))
             .to_vec();
@@ -178,7 +183,7 @@ mod tests {
         all.push(wall(5));
         let loose = |fewest| rattlers(8, &all, fewest);
         assert_eq!(loose(3), [false, false, false, false, true, true, true, true]);
-        // 6 has one contact; without it 5 has a wall and 4, and 4 has 3 and 5.
+        // Sphere 6 has one contact. Without it, 5 has a wall and 4, and 4 has 3 and 5.
         assert_eq!(loose(2), [false, false, false, false, false, false, true, true]);
         assert_eq!(loose(5), [true; 8]);
         assert_eq!(fewest_that_hold(&scene("")), 4);

@@ -1,15 +1,15 @@
-//! Exact areas in a plane: what discs and half-planes have in common.
+//! Exact areas of intersections of discs and half-planes in a plane.
 
 use std::f64::consts::{PI, TAU};
 
 /// A point of the plane, m.
 pub type Point = [f64; 2];
 
-/// The points that lie in all of the discs and all of the half-planes: convex. There must be a disc.
+/// The intersection of all of the discs and half-planes, which is convex. There must be at least one disc.
 #[derive(Debug, Default, Clone)]
 pub struct Flat {
     discs: Vec<(Point, f64)>,
-    /// n . p <= b with a unit normal.
+    /// The points p with n . p <= b, as the unit normal n and b (m).
     halves: Vec<(Point, f64)>,
     empty: bool,
 }
@@ -19,20 +19,21 @@ fn dot(a: Point, b: Point) -> f64 {
 }
 
 impl Flat {
-    /// Forgets everything.
+    /// Removes all discs and half-planes.
     pub fn clear(&mut self) {
         self.discs.clear();
         self.halves.clear();
         self.empty = false;
     }
 
-    /// Only what is within `radius` (m) of `centre`.
+    /// Keeps only the points within `radius` (m) of `centre`.
     pub fn within(&mut self, centre: Point, radius: f64) {
         self.empty |= radius <= 0.0;
         self.discs.push((centre, radius));
     }
 
-    /// Only the points p with n . p <= b; `n` is of any length up to 1, where 0 leaves all or nothing.
+    /// Keeps only the points p with n . p <= b. The length of `n` is at most 1; a length of 0 keeps all
+    /// points or none.
     pub fn below(&mut self, n: Point, b: f64) {
         let length = n[0].hypot(n[1]);
         if length < 1e-12 {
@@ -40,7 +41,7 @@ impl Flat {
             return;
         }
         let (n, b) = ([n[0] / length, n[1] / length], b / length);
-        // The same line twice would bound the area twice.
+        // The same line twice would count the same part of the boundary twice.
         let same =
             |&(m, c): &(Point, f64)| dot(m, n) > 1.0 - 1e-14 && (c - b).abs() < 1e-14 * (1.0 + b.abs());
         if !self.halves.iter().any(same) {
@@ -58,7 +59,7 @@ impl Flat {
         for (k, &(centre, radius)) in self.discs.iter().enumerate() {
             removed.clear();
             for &(n, b) in &self.halves {
-                // Interrupts where cos(angle - that of n) > q.
+                // The circle is outside the half-plane where cos(angle - angle of n) > q.
                 let q = (b - dot(n, centre)) / radius;
                 if q <= -1.0 {
                     return 0.0;
@@ -91,7 +92,7 @@ impl Flat {
             });
         }
         for (k, &(n, b)) in self.halves.iter().enumerate() {
-            // Points n b + t m, with the area to the left.
+            // The line consists of the points n b + t m, with the area to the left of m.
             let m = [-n[1], n[0]];
             let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
             for &(centre, radius) in &self.discs {
@@ -102,7 +103,8 @@ impl Flat {
             for (_, &(its_n, its_b)) in self.halves.iter().enumerate().filter(|&(l, _)| l != k) {
                 let (slope, room) = (dot(its_n, m), its_b - b * dot(its_n, n));
                 if slope.abs() < 1e-14 {
-                    // Parallel: this line is beyond the other, or of no concern to it.
+                    // The lines are parallel. This one is either outside the other half-plane or not cut by
+                    // it.
                     to = if room < 0.0 { f64::NEG_INFINITY } else { to };
                 } else if slope > 0.0 {
                     to = to.min(room / slope);
@@ -112,13 +114,14 @@ impl Flat {
             }
             twice += b * (to - from).max(0.0);
         }
-        // What is empty without a disc outside a line leaves rounding.
+        // If the shape is empty but no disc is outside a line or another disc, rounding errors remain.
         (0.5 * twice).max(0.0)
     }
 }
 
-/// Calls `visit` for every stretch of the circle that is in none of the `removed` ones (their middles and half widths,
-/// rad), from its first angle to its last.
+/// Calls `visit` with both ends (rad) of every arc of the circle that is in none of the `removed` arcs.
+///
+/// A removed arc is given as its middle and its half width, rad.
 fn for_each_kept(removed: &mut [(f64, f64)], mut visit: impl FnMut(f64, f64)) {
     if removed.iter().any(|&(_, half)| half >= PI) {
         return;
@@ -126,12 +129,12 @@ fn for_each_kept(removed: &mut [(f64, f64)], mut visit: impl FnMut(f64, f64)) {
     let Some(&(middle, half)) = removed.first() else {
         return visit(0.0, TAU);
     };
-    // Angles after the end of the first one.
+    // Count angles from the end of the first arc.
     let start = middle + half;
     let begin = |(middle, half): (f64, f64)| (middle - half - start).rem_euclid(TAU);
     removed.sort_unstable_by(|&a, &b| begin(a).total_cmp(&begin(b)));
     let mut end: f64 = 0.0;
-    // Those that begin before the start and reach beyond it.
+    // Arcs that begin before the start may extend past it.
     for &each in removed.iter() {
         end = end.max(begin(each) + 2.0 * each.1 - TAU);
     }
@@ -159,7 +162,7 @@ mod tests {
         close(flat.area(), PI / 8.0);
         flat.below([0.0, -0.5], 1.0);
         close(flat.area(), PI / 16.0);
-        // Twice the same line, and one that misses.
+        // The same line twice, and a line that misses.
         flat.below([0.5, 0.0], 1.5);
         flat.below([1.0, 0.0], 9.0);
         close(flat.area(), PI / 16.0);

@@ -1,4 +1,4 @@
-//! Measures of a packed bed: the paper's own count here, exact ones in [`bed`].
+//! Measures of a packed bed. The count of the paper is here; the exact volume is in [`union`].
 
 pub mod bed;
 pub mod contacts;
@@ -12,12 +12,14 @@ pub mod union;
 
 use crate::math::vector::Vec3;
 
-/// Cells per side of the paper's counting grid.
+/// Cells along each side of the paper's counting grid.
 const CELLS: usize = 100;
 
-/// Solids volume fraction in the unit cube [0, 1]^3 as the paper's program counts it (Fig. 4.3): one hit for every
-/// sphere of radius `r` (m) that covers the centre of a cell of a 100^3 grid. Overlaps count twice, so the fraction
-/// of the union, [`bed::union_volume_fraction`], is smaller.
+/// Volume fraction of solids in the unit cube [0, 1]^3, counted like the program of the paper does (Fig.
+/// 4.3).
+///
+/// A sphere of radius `r` (m) scores one hit for each cell of a 100^3 grid whose centre it covers. Overlaps
+/// count twice, so the fraction of the union, [`bed::union_volume_fraction`], is smaller.
 pub fn paper_volume_fraction(x: &[Vec3], r: f64) -> f64 {
     let centre = |k: usize| (k as f64 + 0.5) / CELLS as f64;
     let cells = |c: f64| {
@@ -50,7 +52,7 @@ mod tests {
             })
             .collect();
         let exact = std::f64::consts::PI / 6.0;
-        // All spheres sit alike on the counting grid, which sees each 0.8 % too large.
+        // All spheres have the same position relative to the grid, which makes each of them 0.8 % too large.
         assert!((paper_volume_fraction(&x, 0.1) - exact).abs() < 5e-3);
     }
 

@@ -1,11 +1,11 @@
-//! Parts of space that are measured or exported.
+//! Regions that are measured or exported.
 
 use super::bed::bed_region;
 use super::union::Region;
 use crate::math::vector::Vec3;
 use crate::scene::Scene;
 
-/// The part of a bed whose volumes are measured.
+/// The part of a bed in which volumes are measured.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum RegionChoice {
     /// The bed without its top.
@@ -24,7 +24,7 @@ pub enum RegionChoice {
     Cylinder {
         /// x and y of the axis, m.
         axis: [f64; 2],
-        /// m.
+        /// Radius, m.
         radius: f64,
         /// Lower and upper end, m.
         ends: [f64; 2],
@@ -32,7 +32,7 @@ pub enum RegionChoice {
 }
 
 impl RegionChoice {
-    /// The region to measure in a bed of `scene` with the centres `x` (m), and what it is in words.
+    /// The region to measure in a bed of `scene` with the centres `x` (m), and its name.
     pub fn of(&self, scene: &Scene, x: &[Vec3]) -> (Region, &'static str) {
         let inner = match *self {
             RegionChoice::Box { low, high } => return (Region::Box { low, high }, "the box of --box"),
@@ -51,16 +51,20 @@ impl RegionChoice {
     }
 }
 
-/// The smallest box around spheres of radius `r` (m) with the centres `x` (m), as its lower and upper corner, m. Without
-/// spheres it is as large as one at the origin.
+/// The smallest box around spheres of radius `r` (m) with the centres `x` (m), as its lower and upper corner,
+/// m.
+///
+/// Without spheres it is the box around one sphere at the origin.
 pub fn extent(x: &[Vec3], r: f64) -> (Vec3, Vec3) {
     let ends = |x: &Vec3| (x - Vec3::repeat(r), x + Vec3::repeat(r));
     let all = x.iter().map(ends).reduce(|(low, high), (a, b)| (low.inf(&a), high.sup(&b)));
     all.unwrap_or_else(|| ends(&Vec3::zeros()))
 }
 
-/// The box of the container, as its lower and upper corner, m. Open sides are where the spheres with the centres `x` (m)
-/// end: an open top at the bed height. Never flatter than a sphere.
+/// The box of the container, as its lower and upper corner, m.
+///
+/// An open side ends with the spheres, whose centres are `x` (m): an open top is at the bed height. The box
+/// is at least one diameter wide in each open direction.
 pub fn container_box(scene: &Scene, x: &[Vec3]) -> (Vec3, Vec3) {
     let r = scene.particles.radius;
     let (mut low, mut high) = extent(x, r);
@@ -91,7 +95,7 @@ mod tests {
         let (low, high) = container_box(&boxed("[-inf, 0, -inf]", "[1, inf, inf]"), &x);
         assert!((low - Vec3::new(0.2, 0.0, 0.4)).amax() < 1e-15, "{low}");
         assert!((high - Vec3::new(1.0, 0.5, 1.0)).amax() < 1e-15, "{high}");
-        // All below the floor.
+        // All spheres are below the floor.
         let (low, high) = container_box(&boxed("[0, 0, 7]", "[1, 1, inf]"), &x);
         assert_eq!((low.z, high.z), (7.0, 7.2));
     }

@@ -1,4 +1,4 @@
-//! What is measured of one frame of a run.
+//! The measures of one frame of a run.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use crate::files::run_file::State;
 use crate::math::vector::Vec3;
 use crate::scene::Scene;
 
-/// One frame.
+/// The measures of one frame.
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
     /// Number of the frame.
@@ -17,23 +17,23 @@ pub struct Row {
     pub time: f64,
     /// Share of the region that spheres cover.
     pub volume_fraction: f64,
-    /// The rest.
+    /// 1 minus the volume fraction.
     pub porosity: f64,
-    /// Share of the region that spheres cover a second time and more, each time counted.
+    /// Volume that spheres cover in addition to the first one at each point, as a share of the region.
     pub overlap_fraction: f64,
-    /// The paper's count in the unit cube.
+    /// Volume fraction in the unit cube, counted like the paper does; `None` if no sphere is in it.
     pub paper_count_in_unit_cube: Option<f64>,
-    /// Share of the unit cube that spheres cover.
+    /// Share of the unit cube that spheres cover; `None` if no sphere is in it.
     pub volume_fraction_in_unit_cube: Option<f64>,
     /// Mean number of spheres that a sphere touches.
     pub mean_coordination: f64,
-    /// The same of those that are no rattlers, among themselves.
+    /// Mean number of contacts of the spheres that are not rattlers, among themselves.
     pub mean_coordination_without_rattlers: f64,
-    /// Spheres that are not held.
+    /// Number of spheres that their contacts cannot hold.
     pub rattlers: usize,
-    /// Contacts between spheres.
+    /// Number of contacts between spheres.
     pub contacts: usize,
-    /// Contacts with walls.
+    /// Number of contacts with walls.
     pub wall_contacts: usize,
     /// Mean overlap of contacts between spheres, m.
     pub mean_overlap: f64,
@@ -48,7 +48,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// Measures a frame.
+    /// Measures a frame in `region`.
     pub fn of(scene: &Scene, state: &State, region: &Region) -> Row {
         let contacts = contacts(scene, state);
         let x = centres(state);
@@ -56,7 +56,7 @@ impl Row {
         Row::with(scene, state, region, &contacts, &spheres)
     }
 
-    /// Measures a frame whose `contacts` and `spheres` are known.
+    /// Measures a frame with known `contacts` and `spheres`.
     pub fn with(
         scene: &Scene,
         state: &State,
@@ -72,7 +72,10 @@ impl Row {
         let loose = rattlers(count, contacts, fewest_that_hold(scene));
         let pairs: Vec<&Contact> =
             contacts.iter().filter(|contact| matches!(contact.partner, Partner::Sphere(_))).collect();
-        let firm = |contact: &&&Contact| matches!(contact.partner, Partner::Sphere(j) if !loose[contact.i] && !loose[j]);
+        let firm = |contact: &&&Contact| {
+            matches!(contact.partner,
+            Partner::Sphere(j) if !loose[contact.i] && !loose[j])
+        };
         let held = loose.iter().filter(|&&loose| !loose).count();
         let share = |sum: f64, count: usize| if count == 0 { 0.0 } else { sum / count as f64 };
         let largest = |of: fn(&Contact) -> f64| contacts.iter().map(of).fold(0.0, f64::max);
@@ -98,7 +101,7 @@ impl Row {
     }
 }
 
-/// The spheres of a state.
+/// The centres of the spheres of a state, m.
 pub fn centres(state: &State) -> Vec<Vec3> {
     state.x.iter().map(|&x| x.into()).collect()
 }
@@ -108,7 +111,9 @@ fn unit_cube() -> Region {
     Region::Box { low: Vec3::zeros(), high: Vec3::repeat(1.0) }
 }
 
-/// Volumes in the unit cube: the paper's count, and the exact share of the union; none where it holds no sphere.
+/// Volume fractions in the unit cube: the count of the paper, and the exact share of the union.
+///
+/// `None` if no sphere is in it.
 fn in_unit_cube(x: &[Vec3], r: f64, spheres: &Spheres) -> Option<[f64; 2]> {
     let union = spheres.volumes(&unit_cube()).union;
     (union > 0.0).then(|| [crate::beds::measures::paper_volume_fraction(x, r), union])

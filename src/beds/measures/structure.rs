@@ -1,4 +1,5 @@
-//! Functions of distance: the radial distribution, and the porosity over height and over the distance to the walls.
+//! Functions of a distance: the radial distribution, and the porosity over height and over distance to the
+//! walls.
 
 use super::union::{Region, Spheres, for_each_pair};
 use crate::math::vector::Vec3;
@@ -6,24 +7,28 @@ use crate::scene::Scene;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Bins of the radial distribution per radius.
+/// Bins of the radial distribution in each radius.
 const BINS_PER_RADIUS: f64 = 20.0;
-/// Sections per radius of the profiles.
+/// Sections of the profiles in each radius.
 const SECTIONS_PER_RADIUS: f64 = 10.0;
-/// Most sections of a profile.
+/// Largest number of sections of a profile.
 const MOST_SECTIONS: f64 = 500.0;
 
-/// Radial distribution function of the centres in a box, as the middles of its bins (m) and its values: 1 where pairs at
-/// that distance are as frequent as independent ones. Pairs are weighted by how much of the box leaves room for both
-/// (Ohser and Stoyan's translation correction), so that the bounds of the box do not show. Empty with fewer than two
-/// centres or where the box is narrower than a bin.
+/// Radial distribution function of the centres in a box: the middles of its bins (m) and its values.
+///
+/// A value of 1 means that pairs at this distance are as frequent as for independent centres.
+///
+/// The weight of a pair is the inverse of the volume of the box that has room for it. This translation correction
+/// of Ohser and Stoyan removes the effect of the bounds of the box.
+///
+/// Empty if there are fewer than two centres, or if half of the shortest side is narrower than a bin.
 pub fn radial_distribution(x: &[Vec3], r: f64, (low, high): (Vec3, Vec3)) -> Vec<[f64; 2]> {
     let inside: Vec<Vec3> =
         x.iter().filter(|x| (0..3).all(|k| (low[k]..=high[k]).contains(&x[k]))).copied().collect();
     let sides = high - low;
     let width = r / BINS_PER_RADIUS;
-    // The correction is sound up to half the shortest side. Beyond five diameters nothing is to be seen, and a million
-    // spheres have too many pairs up to there.
+    // The correction is valid up to half the shortest side. Nothing happens beyond five diameters. With very
+    // many spheres, there are too many pairs up to that distance.
     let most = if inside.len() > 100_000 { 6.0 * r } else { 10.0 * r };
     let reach = (0.5 * sides.min()).min(most);
     let bins = (reach / width).floor().max(0.0) as usize;
@@ -39,7 +44,7 @@ pub fn radial_distribution(x: &[Vec3], r: f64, (low, high): (Vec3, Vec3)) -> Vec
             sums[bin] += 2.0 / room;
         }
     });
-    // Independent centres have this density squared.
+    // The density of pairs of independent centres.
     let volume: f64 = sides.iter().product();
     let n = inside.len() as f64;
     let density2 = n * (n - 1.0) / (volume * volume);
@@ -47,8 +52,9 @@ pub fn radial_distribution(x: &[Vec3], r: f64, (low, high): (Vec3, Vec3)) -> Vec
     sums.iter().enumerate().map(|(k, sum)| [(k as f64 + 0.5) * width, sum / (density2 * shell(k))]).collect()
 }
 
-/// The part of `region` (its bounds) in which centres can lie: a radius away from the closed sides of the container's
-/// box, m.
+/// The part of the bounds of `region` in which centres can lie, as its lower and upper corner, m.
+///
+/// It keeps a distance of one radius from the closed sides of the container's box.
 pub fn room_of_centres(scene: &Scene, region: &Region) -> (Vec3, Vec3) {
     let (mut low, mut high) = region.bounds();
     if let Some(sides) = &scene.container.r#box {
@@ -61,18 +67,18 @@ pub fn room_of_centres(scene: &Scene, region: &Region) -> (Vec3, Vec3) {
     (low, high)
 }
 
-/// Places at equal distances between the ends of a stretch, in the middle of their steps.
+/// Positions at equal distances between `from` and `to`, in the middle of their steps.
 fn places(from: f64, to: f64, r: f64) -> Vec<f64> {
     let count = ((to - from) / r * SECTIONS_PER_RADIUS).ceil().clamp(1.0, MOST_SECTIONS);
     (0..count as usize).map(|k| from + (to - from) * (k as f64 + 0.5) / count).collect()
 }
 
-/// Share of the section of `region` across `axis` at each place that is not covered by spheres.
+/// Porosity of each section of `region` across `axis`: the share that no sphere covers.
 fn porosities(spheres: &Spheres, region: &Region, axis: usize, places: &[f64]) -> Vec<f64> {
     places.par_iter().map(|&at| 1.0 - spheres.section(region, axis, at) / region.section(axis, at)).collect()
 }
 
-/// Porosity over height in `region`: height (m) and the share of the horizontal section that is pore, which is exact.
+/// Porosity over height in `region`: heights (m), and the exact porosity of the horizontal section at each.
 pub fn over_height(spheres: &Spheres, region: &Region, r: f64) -> Vec<[f64; 2]> {
     let (low, high) = region.bounds();
     let heights = places(low.z, high.z, r);
@@ -80,8 +86,10 @@ pub fn over_height(spheres: &Spheres, region: &Region, r: f64) -> Vec<[f64; 2]> 
     heights.into_iter().zip(found).map(|(height, porosity)| [height, porosity]).collect()
 }
 
-/// Porosity over the distance to upright walls: distances (m), and for each side of the container's box that bounds the
-/// region its name and the porosity of the section at that distance. Without sides where the region has none.
+/// Porosity over the distance to upright walls: the distances (m), and a profile for each wall with its name.
+///
+/// The walls are those sides of the container's box that bound the region. Both lists are empty if the region
+/// is not a box or the container has none.
 pub fn over_wall_distance(
     scene: &Scene,
     spheres: &Spheres,
@@ -131,7 +139,8 @@ mod tests {
             .collect();
         let found = radial_distribution(&x, 0.1, (Vec3::zeros(), Vec3::new(1.0, 2.0, 0.5)));
         assert_eq!(found.len(), 50);
-        // 2e4 centres make 1e4 pairs and more in every bin beyond 0.1 m; uncorrected, the last would be 0.5.
+        // 20 000 centres give at least 10 000 pairs in every bin beyond 0.1 m. Without the correction, the
+        // last value would be 0.5.
         for [at, g] in found.into_iter().filter(|[at, _]| *at > 0.1) {
             assert!((g - 1.0).abs() < 0.05, "{at}: {g}");
         }
@@ -154,7 +163,7 @@ mod tests {
             let peaks: Vec<&[f64; 2]> = g.iter().filter(|[_, g]| *g > 0.0).collect();
             assert!((peaks[0][0] - 2.0 * R).abs() < width, "{:?}", peaks[0]);
             assert!((peaks[1][0] - second * 2.0 * R).abs() < width, "{:?}", peaks[1]);
-            // Its area is the coordination number.
+            // The area of the peak is the coordination number.
             let density = x.len() as f64 / side.powi(3);
             let bin = (2.0 * R * 1.0001 / width).floor();
             let shell = 4.0 / 3.0 * PI * width.powi(3) * ((bin + 1.0).powi(3) - bin.powi(3));
@@ -196,7 +205,7 @@ mod tests {
             }
         }
         assert_eq!(room_of_centres(&scene, &region), (Vec3::repeat(R), Vec3::new(0.95, 0.95, 1.0)));
-        // In a cylinder the walls of the box do not bound the region.
+        // The walls of the box do not bound a cylinder.
         let pillar = Region::Cylinder { axis: [0.5, 0.5], radius: 0.4, ends: [0.0, 1.0] };
         assert!(over_wall_distance(&scene, &spheres, &pillar).1.is_empty());
     }

@@ -2,19 +2,21 @@
 
 use crate::scene::Scene;
 
-/// Spheres of 0.1 m with the contacts of the paper's Tab. 4.2, and more keys of the top of the scene, a line each.
+/// Spheres of radius 0.1 m with the contacts of Tab. 4.2 of the paper. `more` has further top-level keys, one
+/// on each line.
 pub fn scene(more: &str) -> Scene {
     let text = format!(
         "t_end = 8
          {more}
          particles = {{ radius = 0.1, file = 'start.csv' }}
-         contact = {{ repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4, dissipation_focusing = 10,
+              contact = {{ repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4, \
+              dissipation_focusing = 10,
                       interaction_distance = 0.1 }}"
     );
     Scene::parse("bed.toml", &text, &[]).unwrap()
 }
 
-/// The same in a box.
+/// The same scene in a box.
 pub fn boxed(min: &str, max: &str) -> Scene {
     scene(&format!("container.box = {{ min = {min}, max = {max} }}"))
 }

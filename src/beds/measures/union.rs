@@ -1,9 +1,12 @@
-//! The volume of the union of equal spheres inside a box or a cylinder, to the last digits but a few.
+//! The volume of the union of equal spheres inside a box or a cylinder, accurate to almost all digits.
 //!
-//! A point that several spheres cover is counted for the one with the nearest centre. So each sphere counts with what is
-//! left of it by the planes half-way to those it overlaps and by the bounds of the region: a ball cut by half-spaces.
-//! Where no two of the cuts meet inside the ball, it has lost caps. Elsewhere the areas of its horizontal sections, which
-//! are exact ([`super::flat`]), are integrated by Gauss's rule between the heights at which their shape changes.
+//! A point inside several spheres belongs to the one with the nearest centre. The part of a sphere is
+//! therefore a ball that half-spaces cut: the planes half-way to the spheres that it overlaps, and the bounds
+//! of the region.
+//!
+//! If no two cuts meet inside the ball, it only loses spherical caps. Otherwise the areas of its horizontal
+//! sections are integrated by Gauss's rule, between the heights at which their shape changes. These areas are
+//! exact, see [`super::flat`].
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::num::NonZeroUsize;
@@ -16,24 +19,24 @@ use super::flat::Flat;
 use crate::engine::neighbors::{Key, Lists};
 use crate::math::vector::Vec3;
 
-/// Largest error that a ball may have, in r^3: far above rounding, far below anything measured.
+/// Largest error of the volume of a ball, in r^3. It is far above rounding and far below any measured effect.
 const TOLERANCE: f64 = 1e-11;
-/// How often a stretch of heights may be halved.
+/// Largest number of times that a range of heights is halved.
 const HALVINGS: u32 = 12;
 
-/// The points x with n . x <= b.
+/// A half-space: the points x with n . x <= b.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Half {
     /// Outward unit normal.
     pub n: Vec3,
-    /// Distance of the plane from the origin along it, m.
+    /// Distance of the plane from the origin along `n`, m.
     pub b: f64,
 }
 
 /// A part of space with a known volume.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Region {
-    /// From the lower to the upper corner, m.
+    /// A box.
     Box {
         /// Lower corner, m.
         low: Vec3,
@@ -52,7 +55,7 @@ pub enum Region {
 }
 
 impl Region {
-    /// Its volume, m^3.
+    /// Volume, m^3.
     pub fn volume(&self) -> f64 {
         match self {
             Region::Box { low, high } => (high - low).iter().product(),
@@ -60,7 +63,7 @@ impl Region {
         }
     }
 
-    /// Lower and upper corner of the smallest box around it, m.
+    /// Lower and upper corner of the smallest box around the region, m.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         match *self {
             Region::Box { low, high } => (low, high),
@@ -70,7 +73,7 @@ impl Region {
         }
     }
 
-    /// Area of its section with the plane on which coordinate `axis` is `at` (m), m^2.
+    /// Area of the section with the plane on which coordinate `axis` has the value `at` (m), m^2.
     pub fn section(&self, axis: usize, at: f64) -> f64 {
         let (low, high) = self.bounds();
         if at < low[axis] || at > high[axis] {
@@ -113,28 +116,28 @@ impl Region {
     }
 }
 
-/// Spheres and, of each, the planes half-way to those that it overlaps.
+/// Spheres, each with the planes half-way to the spheres that it overlaps.
 pub struct Spheres<'a> {
     x: &'a [Vec3],
     r: f64,
     cuts: Vec<Vec<Half>>,
-    /// Those that lie on a sphere of a lower number.
+    /// Whether each sphere coincides with one of a lower index.
     hidden: Vec<bool>,
 }
 
 /// Volumes inside a region, m^3.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Volumes {
-    /// Of all points in any sphere.
+    /// Volume of all points inside any sphere.
     pub union: f64,
-    /// Of all spheres, points in several counting as often.
+    /// Sum over all spheres. A point inside several spheres counts several times.
     pub spheres: f64,
-    /// Of the region.
+    /// Volume of the region.
     pub region: f64,
 }
 
 impl<'a> Spheres<'a> {
-    /// Of radius `r` (m) around `x` (m).
+    /// Spheres of radius `r` (m) around the centres `x` (m).
     pub fn new(x: &'a [Vec3], r: f64) -> Self {
         let mut cuts = vec![Vec::new(); x.len()];
         let mut hidden = vec![false; x.len()];
@@ -153,7 +156,7 @@ impl<'a> Spheres<'a> {
         Spheres { x, r, cuts, hidden }
     }
 
-    /// Volumes inside `region`. The same bits on any number of threads.
+    /// Volumes inside `region`. The result has the same bits for any number of threads.
     pub fn volumes(&self, region: &Region) -> Volumes {
         let bounds = region.halves();
         let pillar = region.pillar();
@@ -180,7 +183,8 @@ impl<'a> Spheres<'a> {
         Volumes { union: sum(0), spheres: sum(1), region: region.volume() }
     }
 
-    /// Area of the union's section with the plane on which coordinate `axis` is `at` (m) inside `region`, m^2.
+    /// Area of the section of the union inside `region` with the plane on which coordinate `axis` has the
+    /// value `at` (m), m^2.
     pub fn section(&self, region: &Region, axis: usize, at: f64) -> f64 {
         let bounds = region.halves();
         let mut flat = Flat::default();
@@ -196,8 +200,11 @@ impl<'a> Spheres<'a> {
     }
 }
 
-/// Drops the half-spaces around a ball at `x` (m), which all hold its centre, whose planes the others have cut off
-/// altogether: there are many of them where many spheres overlap.
+/// Drops half-spaces that have no effect on a ball at `x` (m), because the other ones cut off their whole
+/// plane.
+///
+/// All half-spaces must contain the centre of the ball. Where many spheres overlap, most half-spaces have no
+/// effect.
 fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
     let local = |half: &Half| half.b - half.n.dot(x);
     halves.sort_by(|a, b| local(a).total_cmp(&local(b)));
@@ -213,7 +220,8 @@ fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
         }
         flat.area() <= 1e-13 * r * r
     };
-    // The nearest planes cut off most of the others; then those that lost their place to a later one.
+    // The nearest planes cut off most of the others, so take them first. Then drop those that later ones cut
+    // off.
     let mut kept: Vec<Half> = Vec::new();
     for half in halves.iter() {
         if !idle(half, &mut kept.iter()) {
@@ -229,7 +237,8 @@ fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
     *halves = kept;
 }
 
-/// Calls `visit` for every pair with centres within `reach` (m) of each other, in an order that depends on `x` alone.
+/// Calls `visit` for every pair of centres within `reach` (m) of each other, in an order that depends on `x`
+/// alone.
 pub fn for_each_pair(x: &[Vec3], reach: f64, visit: impl FnMut([usize; 2])) {
     let keys: Vec<Key> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();
@@ -237,7 +246,7 @@ pub fn for_each_pair(x: &[Vec3], reach: f64, visit: impl FnMut([usize; 2])) {
     lists.blocks.iter().flat_map(|block| block.first_pairs()).for_each(visit);
 }
 
-/// What half-spaces, and perhaps an upright cylinder, leave of a ball around the origin.
+/// The part of a ball around the origin that half-spaces, and perhaps an upright cylinder, leave.
 struct Ball {
     r: f64,
     halves: Vec<Half>,
@@ -280,7 +289,8 @@ impl Ball {
             .windows(2)
             .map(|ends| {
                 let (middle, half) = ((ends[0] + ends[1]) / 2.0, (ends[1] - ends[0]) / 2.0);
-                // The area grows from an end like a root: in the sine of an angle it is smooth.
+                // At both ends the area grows like a square root. It is smooth as a function of the angle
+                // with the sine `s`.
                 let mut area = |s: f64| {
                     let (sine, cosine) = (FRAC_PI_2 * s).sin_cos();
                     half * FRAC_PI_2 * cosine * self.section(2, middle + half * sine, &mut flat)
@@ -290,8 +300,9 @@ impl Ball {
             .sum()
     }
 
-    /// Whether no two of the caps that are cut off meet: the angle between their axes is larger than those from axis to
-    /// rim together.
+    /// Whether no two of the caps that are cut off meet.
+    ///
+    /// The angle between their axes must be at least the sum of the angles between axis and rim of each.
     fn caps_are_apart(&self) -> bool {
         let opening = |half: &Half| (half.b / self.r).clamp(-1.0, 1.0).acos();
         self.halves.iter().enumerate().all(|(k, a)| {
@@ -299,7 +310,7 @@ impl Ball {
         })
     }
 
-    /// Heights between which the section does not change its shape, ascending; with a cylinder some may be missing.
+    /// Heights at which the section changes its shape, ascending. With a cylinder, some may be missing.
     fn heights(&self) -> Vec<f64> {
         let (r, z) = (self.r, Vec3::z());
         let (mut low, mut high) = (-r, r);
@@ -318,7 +329,7 @@ impl Ball {
                 }
                 continue;
             }
-            // Highest and lowest point of the circle in which the plane cuts the ball.
+            // The highest and the lowest point of the circle in which the plane cuts the ball.
             let uphill = (z - a.n * a.n.z).normalize();
             let reach = (r * r - a.b * a.b).max(0.0).sqrt();
             [reach, -reach].into_iter().for_each(|t| add(a.n * a.b + uphill * t));
@@ -346,7 +357,7 @@ impl Ball {
             }
         }
         if let Some((axis, radius)) = self.pillar {
-            // Where the section of the ball touches that of the cylinder.
+            // The heights at which the section of the ball touches that of the cylinder.
             let touching = r * r - (radius - axis[0].hypot(axis[1])).powi(2);
             if touching > 0.0 {
                 found.extend([touching.sqrt(), -touching.sqrt()]);
@@ -359,7 +370,7 @@ impl Ball {
         found
     }
 
-    /// Area of the section with the plane on which coordinate `axis` is `at` (m), m^2.
+    /// Area of the section with the plane on which coordinate `axis` has the value `at` (m), m^2.
     fn section(&self, axis: usize, at: f64, flat: &mut Flat) -> f64 {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
         flat.clear();
@@ -384,14 +395,14 @@ impl Ball {
     }
 }
 
-/// Integral over the stretch, halved until two rules agree.
+/// Integral of `f` from `a` to `b`. The range is halved until two rules agree.
 fn integral(f: &mut dyn FnMut(f64) -> f64, [a, b]: [f64; 2], tolerance: f64, halvings: u32) -> f64 {
     static RULES: OnceLock<[GaussLegendre; 2]> = OnceLock::new();
     let [coarse, fine] = RULES
         .get_or_init(|| [6, 12].map(|n| GaussLegendre::new(NonZeroUsize::new(n).expect("neither is 0"))));
     let rough = coarse.integrate(a, b, &mut *f);
     let sum = fine.integrate(a, b, &mut *f);
-    // The finer rule is far better than the difference says.
+    // The finer rule is far more accurate than the difference of the two.
     if halvings == 0 || (sum - rough).abs() <= 1e3 * tolerance {
         return sum;
     }

@@ -1,4 +1,5 @@
-//! Volumes of unions against exact ones and against the columns of [`crate::beds::measures::bed`].
+//! Tests of volumes of unions, against exact values and against the columns of
+//! [`crate::beds::measures::bed`].
 
 use super::*;
 use crate::beds::measures::bed::union_volume_fraction;
@@ -19,7 +20,7 @@ fn cubic(per_side: usize, spacing: f64, start: Vec3) -> Vec<Vec3> {
         .collect()
 }
 
-/// Many points of the face-centred cubic lattice in which spheres touch, and its cell, m.
+/// Points of the face-centred cubic lattice of touching spheres, and the side of its cell, m.
 fn face_centred() -> (Vec<Vec3>, f64) {
     let cell = 2.0 * 2f64.sqrt() * R;
     let corners = [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.0, 0.5], [0.0, 0.5, 0.5]];
@@ -38,7 +39,7 @@ fn fraction(x: &[Vec3], region: &Region) -> f64 {
     volumes.union / volumes.region
 }
 
-/// What two spheres whose centres are `d` apart have in common, m^3.
+/// Volume of the intersection of two spheres whose centres are `d` (m) apart, m^3.
 fn lens(d: f64) -> f64 {
     PI * (4.0 * R + d) * (2.0 * R - d).powi(2) / 12.0
 }
@@ -46,7 +47,7 @@ fn lens(d: f64) -> f64 {
 #[test]
 fn lattices_have_their_fractions_wherever_the_box_cuts_them() {
     for shift in [0.0, 0.0333, 0.1, 0.17] {
-        // Corners of the box lie in spheres.
+        // Some shifts put the corners of the box inside spheres.
         near(fraction(&cubic(8, 2.0 * R, Vec3::repeat(-0.2 + shift)), &cube(0.0, 1.0)), PI / 6.0, 1e-11);
     }
     let (x, cell) = face_centred();
@@ -55,7 +56,7 @@ fn lattices_have_their_fractions_wherever_the_box_cuts_them() {
         let region = Region::Box { low, high: low + Vec3::repeat(2.0 * cell) };
         near(fraction(&x, &region), PI / 18f64.sqrt(), 1e-11);
     }
-    // Body-centred with overlaps along the diagonals: each sphere loses 8 caps.
+    // A body-centred lattice with overlaps along the diagonals. Each sphere loses 8 caps.
     let cell = 0.22;
     let mut x = cubic(8, cell, Vec3::repeat(-2.0 * cell));
     x.extend(cubic(8, cell, Vec3::repeat(-1.5 * cell)));
@@ -68,13 +69,13 @@ fn lattices_have_their_fractions_wherever_the_box_cuts_them() {
 #[test]
 fn two_overlapping_spheres_are_cut_by_a_box_exactly() {
     for d in [0.02, 0.1, 0.17] {
-        // In the middle of a large box; the lens is reported apart.
+        // The pair is in the middle of a large box.
         let a = Vec3::new(0.4, 0.5, 0.6);
         let pair = [a, a + Vec3::new(0.6, 0.48, -0.64) * d];
         let volumes = Spheres::new(&pair, R).volumes(&cube(0.0, 1.0));
         near(volumes.spheres, 2.0 * SPHERE, 1e-14);
         near(volumes.union, 2.0 * SPHERE - lens(d), 1e-14);
-        // A plane along the line of the centres halves both, a second one quarters them.
+        // A plane along the line of the centres halves both spheres. A second one quarters them.
         for (axis, side) in [(0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1)] {
             let mut direction = Vec3::zeros();
             direction[axis] = d;
@@ -87,8 +88,8 @@ fn two_overlapping_spheres_are_cut_by_a_box_exactly() {
             region = Region::Box { low, high: Vec3::repeat(1.0) };
             near(Spheres::new(&pair, R).volumes(&region).union, SPHERE / 2.0 - lens(d) / 4.0, 1e-14);
         }
-        // A plane across the line of the centres through the first: half of it is left, and all of the second but the
-        // lens and what it has below the plane, which the first covers there.
+        // A plane across the line of the centres, through the first centre. Half of the first sphere remains.
+        // The second one loses the lens, and its part below the plane, which the first one covers there.
         let pair = [Vec3::repeat(0.5), Vec3::new(0.5, 0.5, 0.5 + d)];
         let region = Region::Box { low: Vec3::new(0.0, 0.0, 0.5), high: Vec3::repeat(1.0) };
         let below = if d < R { PI * (R - d).powi(2) * (2.0 * R + d) / 3.0 } else { 0.0 };
@@ -113,12 +114,13 @@ fn a_cylinder_cuts_spheres_as_a_fine_sum_of_slices_says() {
     let whole = Region::Cylinder { axis: [0.0, 0.0], radius: 0.3, ends: [0.0, 1.0] };
     near(Spheres::new(&[Vec3::new(0.1, 0.0, 0.5)], R).volumes(&whole).union, SPHERE, 1e-15);
     near(Spheres::new(&[Vec3::new(0.1, 0.1, 1.0)], R).volumes(&whole).union, SPHERE / 2.0, 1e-15);
-    // A sphere on the axis of a thin cylinder keeps what a drilled one loses: 4/3 pi (r^3 - (r^2 - a^2)^(3/2)).
+    // A sphere on the axis of a thin cylinder keeps the volume that drilling a hole removes: 4/3 pi (r^3 -
+    // (r^2 - a^2)^(3/2)).
     let a: f64 = 0.06;
     let thin = Region::Cylinder { axis: [0.5, 0.2], radius: a, ends: [0.0, 1.0] };
     let drilled = 4.0 / 3.0 * PI * (R.powi(3) - (R * R - a * a).powf(1.5));
     near(Spheres::new(&[Vec3::new(0.5, 0.2, 0.5)], R).volumes(&thin).union, drilled, 1e-13);
-    // A bed across the wall of a cylinder, by columns whose middles are inside.
+    // A bed that the wall of a cylinder cuts, compared with a sum of horizontal slices.
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(2);
     let x: Vec<Vec3> = (0..60).map(|_| Vec3::from_fn(|_, _| random.random_range(0.0..1.0))).collect();
     let region = Region::Cylinder { axis: [0.5, 0.45], radius: 0.35, ends: [0.2, 0.9] };
@@ -127,7 +129,7 @@ fn a_cylinder_cuts_spheres_as_a_fine_sum_of_slices_says() {
     let at = |k: usize| 0.2 + 0.7 * (k as f64 + 0.5) / slices as f64;
     let sum: f64 = (0..slices).map(|k| spheres.section(&region, 2, at(k))).sum();
     near(spheres.volumes(&region).union, sum * 0.7 / slices as f64, 1e-8);
-    // And along another axis, where the cylinder is a strip.
+    // The same along another axis, where the section of the cylinder is a strip.
     let at = |k: usize| 0.15 + 0.7 * (k as f64 + 0.5) / slices as f64;
     let sum: f64 = (0..slices).map(|k| spheres.section(&region, 0, at(k))).sum();
     near(spheres.volumes(&region).union, sum * 0.7 / slices as f64, 1e-6);
@@ -144,7 +146,7 @@ fn random_beds_agree_with_columns_and_with_themselves_turned() {
         near(union_volume_fraction(&x, R, Vec3::zeros(), Vec3::repeat(1.0)), exact, 1e-5);
         let turned: Vec<Vec3> = x.iter().map(Vec3::yzx).collect();
         near(fraction(&turned, &cube(0.0, 1.0)), exact, 1e-10);
-        // Two halves make the whole.
+        // The two halves add up to the whole.
         let lower = Region::Box { low: Vec3::zeros(), high: Vec3::new(1.0, 1.0, 0.4321) };
         let upper = Region::Box { low: Vec3::new(0.0, 0.0, 0.4321), high: Vec3::repeat(1.0) };
         let spheres = Spheres::new(&x, R);

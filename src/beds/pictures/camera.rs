@@ -1,25 +1,27 @@
-//! The camera: where it stands so that everything is seen, and which ray belongs to a point of the picture.
+//! The camera: its position, from which all spheres are visible, and the ray through each point of the
+//! picture.
 
 use crate::error::Error;
 use crate::math::vector::Vec3;
 
 use super::options::{Projection, Size};
 
-/// Half the angle of view of the shorter side of the picture where the camera chooses its distance: 14 degrees, so that
-/// perspective is there and does not distort.
+/// Half the angle of view of the shorter side of the picture, if the camera chooses its distance.
+///
+/// 14 degrees show perspective without distortion.
 const HALF_ANGLE: f64 = 14.0 / 180.0 * std::f64::consts::PI;
 
-/// Widest half angle where the distance is given.
+/// Widest half angle of view, if the user gives the position.
 const WIDEST: f64 = 60.0 / 180.0 * std::f64::consts::PI;
 
-/// What the user wants of the camera.
+/// The user's options for the camera.
 #[derive(Debug, Clone)]
 pub struct Wanted {
-    /// Direction from what is seen to the camera, any length.
+    /// Direction from the spheres to the camera, any length.
     pub direction: Vec3,
-    /// Position, m, in place of the direction.
+    /// Position of the camera, m; replaces the direction.
     pub from: Option<Vec3>,
-    /// Point in the middle of the picture, m.
+    /// Point in the middle of the picture, m; `None`: the camera chooses it.
     pub target: Option<Vec3>,
     /// Direction that points up in the picture, any length.
     pub up: Vec3,
@@ -29,13 +31,13 @@ pub struct Wanted {
     pub zoom: f64,
 }
 
-/// Everything that must be seen: balls with centre and radius, m.
+/// A ball that must be visible: centre and radius, m.
 pub type Ball = (Vec3, f64);
 
-/// Part of the picture where the spheres are, pixels: left, top, right, bottom.
+/// Part of the picture that holds the spheres, pixels: left, top, right, bottom.
 pub type Frame = [f64; 4];
 
-/// A camera. Its coordinates are x to the right, y up, and depth away from it, m.
+/// A camera. Its coordinates (m) are x to the right, y upwards, and z, the depth, away from the camera.
 #[derive(Debug, Clone)]
 pub struct Camera {
     position: Vec3,
@@ -45,21 +47,21 @@ pub struct Camera {
     projection: Projection,
     /// Pixels per metre (orthographic), or per unit of the slope of a ray (perspective).
     scale: f64,
-    /// Pixel of the axis.
+    /// Pixel at which the optical axis meets the picture.
     centre: [f64; 2],
 }
 
 /// A ray in camera coordinates.
 #[derive(Debug, Clone, Copy)]
 pub struct Ray {
-    /// A point of it, m.
+    /// Start of the ray, m.
     pub origin: Vec3,
-    /// Unit vector.
+    /// Direction, a unit vector.
     pub along: Vec3,
 }
 
 impl Camera {
-    /// A camera as `wanted` that sees all `balls` within `frame`.
+    /// Creates a camera from the options `wanted` that shows all `balls` within `frame`.
     pub fn new(wanted: &Wanted, balls: &[Ball], size: Size, frame: Frame) -> Result<Self, Error> {
         let centre = [(frame[0] + frame[2]) / 2.0, (frame[1] + frame[3]) / 2.0];
         let half = [(frame[2] - frame[0]) / 2.0, (frame[3] - frame[1]) / 2.0];
@@ -72,14 +74,15 @@ impl Camera {
         let back = unit(&back).ok_or_else(|| {
             Error::Input(match wanted.from {
                 Some(from) => format!(
-                    "--from {}: the camera would stand in the point that it looks at; choose another position or --target",
+                    "--from {}: the camera would stand in the point that it looks at; \
+                     choose another position or --target",
                     listed(&from)
                 ),
                 None => "--direction 0,0,0: it must not be zero".into(),
             })
         })?;
         let up = unit(&wanted.up).ok_or_else(|| Error::Input("--up 0,0,0: it must not be zero".into()))?;
-        // Seen along the vertical, up is the next best axis.
+        // If the camera looks along `up`, another axis must be up.
         let sideways = |up: &Vec3| unit(&up.cross(&back)).filter(|_| up.cross(&back).norm() > 1e-6);
         let right = [up, Vec3::y(), Vec3::x()].iter().find_map(sideways).expect("x and y are not parallel");
         let up = back.cross(&right);
@@ -106,8 +109,10 @@ impl Camera {
         Ok(camera)
     }
 
-    /// Parallel rays: the scale at which all balls just fit; in the middle of the picture is the middle of them, where
-    /// the user has no other wish. The camera stands before all of them.
+    /// Fits parallel rays: chooses the largest scale at which all balls are in the frame.
+    ///
+    /// If `may_shift`, the middle of the balls is moved to the middle of the frame. The camera stands in
+    /// front of all balls.
     fn fit_parallel(&mut self, seen: &[Ball], half: [f64; 2], may_shift: bool) {
         let mut need = [0.0; 2];
         let mut shift = [0.0; 2];
@@ -123,8 +128,11 @@ impl Camera {
             self.right * shift[0] + self.up * shift[1] + self.forward * (nearest.min(0.0) - size);
     }
 
-    /// The distance from which all balls just fit at the usual angle. A ball is on the inner side of the plane through
-    /// the camera and a side of the picture if x +- depth slope holds with its radius to spare.
+    /// Fits the distance: the camera moves as near as possible while all balls are in the frame at the usual
+    /// angle.
+    ///
+    /// If `may_shift`, the camera may also move sideways. A ball is in the frame if it is inside the plane
+    /// through the camera and each side of the frame, by at least its radius.
     fn fit_distance(&mut self, seen: &[Ball], half: [f64; 2], may_shift: bool) {
         self.scale = half[0].min(half[1]) / HALF_ANGLE.tan();
         let mut depth = f64::NEG_INFINITY;
@@ -132,21 +140,21 @@ impl Camera {
         for axis in 0..2 {
             let slope = half[axis] / self.scale;
             let spare = (1.0 + slope * slope).sqrt();
-            // Largest of +-x - depth slope + r spare, for both sides.
+            // Largest value of +-x - depth slope + r spare, for the two sides.
             let (_, high) = extent(seen, |(x, r)| [x[axis] - x.z * slope + r * spare; 2]);
             let (_, low) = extent(seen, |(x, r)| [-x[axis] - x.z * slope + r * spare; 2]);
             sides[axis] = [low, high];
             let needed = if may_shift { (low + high) / 2.0 } else { low.max(high) } / slope;
             depth = depth.max(needed);
         }
-        // The camera is not among the balls, even where little of them is seen.
+        // The camera must not be among the balls, even if they are small in the picture.
         let (nearest, _) = extent(seen, |(x, r)| [x.z - 1.5 * r; 2]);
         depth = depth.max(-nearest);
         let shift = sides.map(|[low, high]| if may_shift { (high - low) / 2.0 } else { 0.0 });
         self.position += self.right * shift[0] + self.up * shift[1] - self.forward * depth;
     }
 
-    /// The angle at which all balls just fit, where they are before the camera.
+    /// Fits the angle of view: the smallest one that shows all balls in front of the camera.
     fn fit_angle(&mut self, seen: &[Ball], half: [f64; 2]) {
         let shorter = half[0].min(half[1]);
         let mut slope = 0.0f64;
@@ -167,7 +175,7 @@ impl Camera {
         Vec3::new(away.dot(&self.right), away.dot(&self.up), away.dot(&self.forward))
     }
 
-    /// Camera components of a direction in space.
+    /// A direction in space, in camera coordinates.
     pub fn turned(&self, direction: &Vec3) -> Vec3 {
         Vec3::new(direction.dot(&self.right), direction.dot(&self.up), direction.dot(&self.forward))
     }
@@ -185,7 +193,7 @@ impl Camera {
         }
     }
 
-    /// Where a point in camera coordinates is in the picture, pixels; before the camera only.
+    /// Pixel of a point in camera coordinates. The point must be in front of the camera.
     pub fn pixel(&self, x: &Vec3) -> [f64; 2] {
         let scale = match self.projection {
             Projection::Orthographic => self.scale,
@@ -194,13 +202,14 @@ impl Camera {
         [self.centre[0] + scale * x.x, self.centre[1] - scale * x.y]
     }
 
-    /// Whether rays meet in the camera.
+    /// Whether all rays start at the camera.
     pub fn is_perspective(&self) -> bool {
         self.projection == Projection::Perspective
     }
 
-    /// The part of the picture that a ball in camera coordinates can cover, pixels: left, top, right, bottom; none
-    /// where it is behind the camera.
+    /// The part of the picture that a ball can cover, pixels: left, top, right, bottom.
+    ///
+    /// The ball is in camera coordinates. `None` if it is behind the camera.
     pub fn bounds(&self, (x, r): &Ball) -> Option<Frame> {
         if x.z + r <= 0.0 {
             return None;
@@ -208,7 +217,8 @@ impl Camera {
         let sides = |axis: usize| match self.projection {
             Projection::Orthographic => [x[axis] - r, x[axis] + r].map(|side| side * self.scale),
             Projection::Perspective => {
-                // Rays in the plane of this axis and depth that touch the ball's shadow on it, a disc.
+                // The projection of the ball onto the plane of this axis and depth is a disc. Find the rays
+                // that touch it.
                 let away = x.z.hypot(x[axis]);
                 if x.z <= *r || away <= *r {
                     return [f64::NEG_INFINITY, f64::INFINITY];
@@ -223,7 +233,7 @@ impl Camera {
     }
 }
 
-/// Middle of the box around everything.
+/// Middle of the box around all balls.
 fn middle(balls: &[Ball]) -> Vec3 {
     Vec3::from_fn(|axis, _| {
         let (low, high) = extent(balls, |(x, r)| [x[axis] - r, x[axis] + r]);
@@ -231,7 +241,7 @@ fn middle(balls: &[Ball]) -> Vec3 {
     })
 }
 
-/// Smallest first and largest last of what `of` gives.
+/// The smallest of the first values that `of` returns, and the largest of the second ones.
 fn extent(balls: &[Ball], of: impl Fn(&Ball) -> [f64; 2]) -> (f64, f64) {
     balls.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), ball| {
         let [a, b] = of(ball);
@@ -239,13 +249,13 @@ fn extent(balls: &[Ball], of: impl Fn(&Ball) -> [f64; 2]) -> (f64, f64) {
     })
 }
 
-/// The unit vector along `v`, if it has a direction.
+/// The unit vector along `v`; `None` if `v` has no direction.
 fn unit(v: &Vec3) -> Option<Vec3> {
     let largest = v.amax();
     (largest > 0.0 && largest.is_finite()).then(|| (v / largest).normalize())
 }
 
-/// A vector as it is written on the command line.
+/// The vector as the command line has it.
 fn listed(v: &Vec3) -> String {
     format!("{},{},{}", v.x, v.y, v.z)
 }
@@ -266,7 +276,7 @@ mod tests {
         [[0.0, 0.0, 0.0], [1.0, 0.2, 0.1], [0.4, 2.0, 0.3], [0.6, 0.1, 1.5]].map(|x| (x.into(), 0.15)).into()
     }
 
-    /// Left, top, right and bottom of all balls in the picture.
+    /// The part of the picture that all balls cover: left, top, right, bottom.
     fn covered(camera: &Camera, balls: &[Ball]) -> Frame {
         let mut all = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
         for &(x, r) in balls {
@@ -286,7 +296,7 @@ mod tests {
             let margins: Vec<f64> = (0..4).map(|side| (covered[side] - FRAME[side]).abs()).collect();
             assert!((0..2).all(|side| covered[side] > FRAME[side] - 1e-6), "{covered:?}");
             assert!((2..4).all(|side| covered[side] < FRAME[side] + 1e-6), "{covered:?}");
-            // One pair of sides is touched on both sides.
+            // The balls touch the left and right sides, or the top and bottom ones.
             let touched = |a: usize, b: usize| margins[a] < 1e-6 && margins[b] < 1e-6;
             assert!(touched(0, 2) || touched(1, 3), "{covered:?}");
         }

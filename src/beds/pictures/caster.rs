@@ -1,8 +1,9 @@
-//! Casts rays at spheres and edges: which is hit first, and what colour that gives a pixel.
+//! Casts rays at spheres and edges, and computes the colour of each pixel from what they hit.
 //!
-//! The picture is cut into tiles, each with a list of the balls and edges that it may show, nearest first. A tile is
-//! computed alone, so that the picture does not depend on the number of threads. One ray through the middle of each
-//! pixel finds where something ends; only there 16 rays are cast.
+//! The picture is divided into tiles. Each tile has a list of the balls and edges that it may show, nearest
+//! first. Tiles are independent, so the picture does not depend on the number of threads.
+//!
+//! One ray through the middle of each pixel finds the pixels at outlines. Only those get 16 rays each.
 
 use rayon::prelude::*;
 
@@ -17,62 +18,62 @@ use crate::math::vector::Vec3;
 /// Side of a tile, pixels.
 const TILE: usize = 32;
 
-/// Rays along a side of a pixel in which something ends.
+/// Number of rays along each side of a pixel at an outline.
 const FINE: usize = 4;
 
-/// Balls with a smaller radius than this, in pixels, could hide between the middles of pixels.
+/// Balls with a smaller radius than this, in pixels, could lie between the middles of pixels.
 const SMALL: f64 = 2.5;
 
-/// What is drawn.
+/// The objects in a picture.
 #[derive(Debug)]
 pub struct Subject<'a> {
     /// Centres, m.
     pub x: &'a [Vec3],
-    /// Radius of all, m.
+    /// Radius of all spheres, m.
     pub r: f64,
-    /// A colour for each, sRGB.
+    /// Colour of each sphere, sRGB.
     pub colours: &'a [[u8; 3]],
     /// Edges of the container.
     pub edges: &'a [Edge],
     /// Unit vector upwards.
     pub up: Vec3,
-    /// Colour behind everything, sRGB.
+    /// Colour of the background, sRGB.
     pub background: [u8; 3],
     /// Colour of the edges, sRGB.
     pub ink: [u8; 3],
 }
 
-/// A ball in the order of distance.
+/// A ball in the list that is sorted by distance.
 struct Body {
     ball: Ball,
-    /// No ray hits it nearer than this, m.
+    /// Lower bound of the distance at which a ray can hit it, m.
     nearest: f64,
     id: u32,
 }
 
-/// An edge in the picture.
+/// An edge, projected onto the picture.
 struct Line {
     edge: Edge,
     /// Ends, pixels.
     ends: [[f64; 2]; 2],
     /// Depths of the ends, m.
     depths: [f64; 2],
-    /// Shares of the way along the edge at the two ends.
+    /// Positions of the two ends along the edge, 0 to 1.
     shares: [f64; 2],
-    /// What makes a share of the way in the picture one in space.
+    /// Weights that turn a position along the line in the picture into one in space.
     weights: [f64; 2],
 }
 
-/// What a tile may show: indices of bodies, nearest first, and of lines.
+/// The objects that a tile may show: indices of bodies, nearest first, and of lines.
 #[derive(Default, Clone)]
 struct Tile {
     bodies: Vec<u32>,
     lines: Vec<u32>,
-    /// Whether pixels can miss what is in them.
+    /// Whether the tile has balls so small that a ray through the middle of a pixel could miss them.
     is_fine: bool,
 }
 
-/// Everything that rays need.
+/// Everything that is needed to cast rays.
 struct Stage<'a> {
     camera: &'a Camera,
     bodies: Vec<Body>,
@@ -83,15 +84,15 @@ struct Stage<'a> {
     background: Light,
     ink: Light,
     lamps: Lamps,
-    /// Centres in camera coordinates by id.
+    /// Centres in camera coordinates, by id.
     centres: Vec<Vec3>,
-    /// Neighbours of i: `neighbours[starts[i]..starts[i + 1]]`.
+    /// The neighbours of i are `neighbours[starts[i]..starts[i + 1]]`.
     starts: Vec<u32>,
     neighbours: Vec<u32>,
     r: f64,
 }
 
-/// Draws `subject` as `camera` sees it.
+/// Draws `subject` for `camera`.
 pub fn draw(subject: &Subject, camera: &Camera, size: Size) -> Picture {
     let stage = Stage::new(subject, camera, size);
     let across = size.width.div_ceil(TILE);
@@ -145,7 +146,8 @@ impl<'a> Stage<'a> {
     fn tiles(&self, size: Size, across: usize) -> Vec<Tile> {
         let down = size.height.div_ceil(TILE);
         let mut tiles = vec![Tile::default(); across * down];
-        // Columns and rows of tiles that pixels from `low` to `high`, and the ones beside them, are in.
+        // Columns or rows of the tiles that contain the pixels from `low` to `high`, and two pixels more on
+        // each side.
         let span = |low: f64, high: f64, count: usize| {
             let tile = |pixel: f64| (pixel / TILE as f64).floor().clamp(-1.0, count as f64);
             let (first, last) = (tile(low - 2.0).max(0.0), tile(high + 2.0).min(count as f64 - 1.0));
@@ -173,13 +175,13 @@ impl<'a> Stage<'a> {
         tiles
     }
 
-    /// The pixels of a tile whose upper left one is `first`, row by row.
+    /// The pixels of a tile, row by row. `[left, top]` is its upper left pixel.
     fn pixels(&self, tile: &Tile, [left, top]: [usize; 2], size: Size) -> Vec<[u8; 3]> {
         let (width, height) = (TILE.min(size.width - left), TILE.min(size.height - top));
         if tile.bodies.is_empty() && tile.lines.is_empty() {
             return vec![encoded(self.background); width * height];
         }
-        // What the middles of the pixels hit, with a border of one pixel.
+        // What the rays through the middles of the pixels hit, with a border of one pixel.
         let wide = width + 2;
         let hits: Vec<Option<(f64, u32)>> = (0..wide * (height + 2))
             .map(|k| {
@@ -218,7 +220,7 @@ impl<'a> Stage<'a> {
         pixels
     }
 
-    /// The mean of many rays through the pixel with the upper left corner `(x, y)`.
+    /// The mean over many rays through the pixel with the upper left corner `(x, y)`.
     fn fine(&self, tile: &Tile, x: f64, y: f64) -> Light {
         let mut sum = [0.0; 3];
         for k in 0..FINE * FINE {
@@ -241,7 +243,7 @@ impl<'a> Stage<'a> {
         sum.map(|c| c / (FINE * FINE) as f32)
     }
 
-    /// The first ball that a ray hits: how far along the ray (m), and which body.
+    /// The first ball that the ray hits: the distance along the ray (m), and the index of the body.
     fn hit(&self, tile: &Tile, ray: &Ray) -> Option<(f64, u32)> {
         let mut first: Option<(f64, u32)> = None;
         for &k in &tile.bodies {
@@ -252,7 +254,7 @@ impl<'a> Stage<'a> {
             let (x, r) = body.ball;
             let away = x - ray.origin;
             let along = away.dot(&ray.along);
-            // From the foot of the perpendicular, so that no digits are lost where the camera is far away.
+            // Measure from the foot of the perpendicular. This loses no digits if the camera is far away.
             let miss2 = (away - ray.along * along).norm_squared();
             if miss2 <= r * r {
                 let t = along - (r * r - miss2).sqrt();
@@ -282,7 +284,7 @@ impl<'a> Stage<'a> {
 }
 
 impl Line {
-    /// The part of an edge before the camera, if there is one.
+    /// The part of an edge in front of the camera; `None` if there is none.
     fn new(edge: &Edge, camera: &Camera) -> Option<Self> {
         let ends = edge.ends.map(|x| camera.coordinates(&x));
         let near = 1e-6 * (ends[1] - ends[0]).norm();
@@ -299,12 +301,13 @@ impl Line {
         }
         let at = shares.map(|u| ends[0] + (ends[1] - ends[0]) * u);
         let depths = at.map(|x| x.z);
-        // In perspective 1/depth is linear in the picture.
+        // In perspective, 1/depth is linear in the picture.
         let weights = if camera.is_perspective() { depths } else { [1.0; 2] };
         Some(Line { edge: *edge, ends: at.map(|x| camera.pixel(&x)), depths, shares, weights })
     }
 
-    /// How strongly the line covers a point of the picture, where what is behind begins at `depth` (m).
+    /// How strongly the line covers a point of the picture, 0 to 1. The object behind the line is at `depth`
+    /// (m).
     fn strength(&self, column: f64, row: f64, half_width: f64, depth: f64) -> f64 {
         let [[x0, y0], [x1, y1]] = self.ends;
         let (dx, dy) = (x1 - x0, y1 - y0);
@@ -324,7 +327,10 @@ impl Line {
     }
 }
 
-/// The others within `reach` (m) of every centre, in ascending order.
+/// For every centre, the other centres within `reach` (m), by ascending id.
+///
+/// The neighbours of i are entries `starts[i]` to `starts[i + 1]` of the second list; `starts` is the first
+/// one.
 fn neighbours(x: &[Vec3], reach: f64) -> (Vec<u32>, Vec<u32>) {
     let lists = lists(x, reach, &[], 0.0);
     let pairs = || lists.blocks.iter().flat_map(|block| block.first_pairs());

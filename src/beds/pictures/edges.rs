@@ -1,4 +1,4 @@
-//! The edges of the container: where two of its planes meet, within the others.
+//! The edges of the container: lines in which two planes meet, as far as they are inside all other planes.
 
 use crate::math::vector::Vec3;
 use crate::model::wall::Wall;
@@ -9,13 +9,15 @@ use crate::scene::BoxSides;
 pub struct Edge {
     /// Its ends, m.
     pub ends: [Vec3; 2],
-    /// Length over which it fades towards each end, m; 0: not at all.
+    /// Length over which it fades out towards each end, m; 0: it does not fade.
     pub fades: [f64; 2],
 }
 
-/// The edges between `walls`, the sides of the box first, in a picture of spheres between `low` and `high` (m). Walls
-/// that are further from all spheres than half their largest extent are left out, and there, like where there are no
-/// walls, the edges fade.
+/// The edges between `walls`, for a picture of spheres between `low` and `high` (m). The sides of the box come
+/// first in `walls`.
+///
+/// A side of the box is near if its distance from the spheres is at most half of their largest extent. Other
+/// sides are left out. Edges fade out towards them, as they do where there is no side.
 pub fn edges(walls: &[Wall], sides: Option<&BoxSides>, low: Vec3, high: Vec3) -> Vec<Edge> {
     let extent = (high - low).amax();
     let mut planes = walls.to_vec();
@@ -24,7 +26,7 @@ pub fn edges(walls: &[Wall], sides: Option<&BoxSides>, low: Vec3, high: Vec3) ->
         for (sign, reached, side) in
             [(-1.0, low[axis], sides.map(|b| b.min[axis])), (1.0, high[axis], sides.map(|b| b.max[axis]))]
         {
-            // Just beyond a side that is near, so that it does not cut.
+            // A limit outside a near side, so that the limit does not cut edges.
             let is_near = |side: &f64| sign * (side - reached) <= 0.5 * extent;
             let limit = match side.filter(is_near) {
                 Some(side) => sign * ((sign * side).max(sign * reached) + 0.5 * extent),
@@ -46,7 +48,8 @@ pub fn edges(walls: &[Wall], sides: Option<&BoxSides>, low: Vec3, high: Vec3) ->
     edges
 }
 
-/// What planes `a` and `b` have in common within all others; it fades at ends that planes from `real` on cut.
+/// The line that planes `a` and `b` share inside all others. It fades at ends that are cut by planes from
+/// `real` on.
 fn common(planes: &[Wall], a: usize, b: usize, real: usize, fade: f64) -> Option<Edge> {
     let (first, second) = (&planes[a], &planes[b]);
     let along = first.normal.cross(&second.normal);
@@ -54,7 +57,7 @@ fn common(planes: &[Wall], a: usize, b: usize, real: usize, fade: f64) -> Option
     if sine2 < 1e-12 {
         return None;
     }
-    // The point of both planes that is nearest to the origin.
+    // The point on both planes that is nearest to the origin.
     let [p, q] = [first, second].map(|wall| wall.depth(&Vec3::zeros()));
     let point = (second.normal.cross(&along) * p + along.cross(&first.normal) * q) / sine2;
     let along = along / sine2.sqrt();
@@ -63,7 +66,7 @@ fn common(planes: &[Wall], a: usize, b: usize, real: usize, fade: f64) -> Option
     for (k, wall) in planes.iter().enumerate().filter(|(k, _)| *k != a && *k != b) {
         let (depth, slope) = (wall.depth(&point), wall.normal.dot(&along));
         if slope.abs() < 1e-9 {
-            // Parallel: all of the edge is within this wall, or nothing.
+            // The wall is parallel to the edge, so all of the edge is inside it, or nothing.
             if depth < -1e-9 * fade {
                 return None;
             }
@@ -84,7 +87,7 @@ fn common(planes: &[Wall], a: usize, b: usize, real: usize, fade: f64) -> Option
 }
 
 impl Edge {
-    /// How strongly the edge is drawn at share `u` of the way between its ends, 0 to 1.
+    /// How strongly the edge is drawn at the share `u` of the way between its ends, 0 to 1.
     pub fn strength(&self, u: f64) -> f64 {
         let length = (self.ends[1] - self.ends[0]).norm();
         let at = |fade: f64, away: f64| if fade > 0.0 { (away / fade).min(1.0) } else { 1.0 };
@@ -129,10 +132,10 @@ mod tests {
 
     #[test]
     fn an_oblique_wall_cuts_the_box() {
-        // Off the corner at x = z = 0.
+        // This wall cuts off the corner at x = z = 0.
         let wall = WallPlane { point: [0.5, 0.0, 0.0], normal: [-1.0, 0.0, -1.0] };
         let edges = edges_of([0.0; 3], [1.0; 3], vec![wall], Vec3::repeat(1.0));
-        // A prism over a pentagon.
+        // The result is a prism over a pentagon.
         assert_eq!(edges.len(), 15);
         let inside = |x: &Vec3| x.x + x.z > 0.5 - 1e-9;
         assert!(edges.iter().flat_map(|edge| &edge.ends).all(inside));

@@ -1,4 +1,4 @@
-//! Files of pictures: PNG, numbered PNG, GIF and APNG.
+//! Writes pictures to files: PNG, numbered PNG, GIF and APNG.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, ErrorKind, Write};
@@ -10,19 +10,19 @@ use super::options::Size;
 use super::picture::Picture;
 use crate::error::Error;
 
-/// What a file holds.
+/// Format of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
     /// One picture.
     Png,
-    /// An animation of 256 colours.
+    /// An animation with 256 colours.
     Gif,
-    /// An animation of all colours.
+    /// An animation with all colours.
     Apng,
 }
 
 impl Format {
-    /// By the extension of `path`.
+    /// The format that belongs to the extension of `path`.
     pub fn of(path: &Path) -> Result<Self, Error> {
         let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
         match extension.to_str() {
@@ -37,14 +37,14 @@ impl Format {
     }
 }
 
-/// The names of numbered pictures: NAME-0007.png for frame 7 and NAME.png.
+/// Name of a numbered picture: NAME-0007.png for frame 7 and NAME.png.
 pub fn numbered(path: &Path, frame: u64) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let extension = path.extension().unwrap_or_default().to_string_lossy();
     path.with_file_name(format!("{stem}-{frame:04}.{extension}"))
 }
 
-/// Refuses what cannot be written, before anything is drawn.
+/// Checks, before anything is drawn, that `path` can be written.
 pub fn look(path: &Path, run: &Path, force: bool) -> Result<(), Error> {
     let refuse = |why: &str| Err(Error::Input(format!("--output {}: {why}", path.display())));
     let same = |a: &Path, b: &Path| Some(a.canonicalize().ok()? == b.canonicalize().ok()?);
@@ -123,7 +123,7 @@ impl Film {
         Ok(Film { path: path.to_path_buf(), writer: Writer::Apng(writer) })
     }
 
-    /// A GIF with the colours of some of its pictures.
+    /// A GIF whose colours are chosen from the pictures `samples`.
     pub fn gif(
         path: &Path,
         samples: &[Picture],
@@ -159,7 +159,7 @@ impl Film {
         }
     }
 
-    /// Ends the file.
+    /// Completes the file.
     pub fn finish(self) -> Result<(), Error> {
         let path = &self.path;
         match self.writer {
@@ -172,19 +172,19 @@ impl Film {
     }
 }
 
-/// The 256 colours of a GIF, the same in all its frames, so that nothing flickers.
+/// The 256 colours of a GIF. All frames have the same ones, so that nothing flickers.
 struct Palette {
     colours: Vec<[u8; 3]>,
     background: [u8; 3],
-    /// Index of the nearest colour, for every colour by its upper bits.
+    /// Index of the nearest colour, for every combination of upper bits.
     nearest: Vec<u8>,
 }
 
-/// Bits that are looked at of red, green and blue.
+/// Number of upper bits of red, green and blue that select the nearest colour.
 const BITS: usize = 6;
 
 impl Palette {
-    /// Colours that stand for those of `samples`; the first is the background, exactly.
+    /// Chooses colours for `samples`. The first colour is exactly the background.
     fn new(samples: &[Picture], background: [u8; 3]) -> Self {
         let mut seen = Vec::new();
         for [r, g, b] in samples.iter().flat_map(|picture| &picture.pixels).copied() {

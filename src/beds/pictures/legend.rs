@@ -1,4 +1,4 @@
-//! The legend: a bar of the colours with title, unit and ticks, and the time.
+//! The legend: a colour bar with title, unit and ticks, and the time.
 
 use super::camera::Frame;
 use super::options::{Limits, Size};
@@ -6,19 +6,19 @@ use super::picture::{Font, Picture};
 use super::quantity::Quantity;
 use crate::error::Error;
 
-/// Where legend and spheres are in the picture.
+/// Positions of the legend and the spheres in the picture.
 #[derive(Debug, Clone)]
 pub struct Layout {
-    /// Where the spheres are, pixels.
+    /// Part of the picture that holds the spheres, pixels.
     pub frame: Frame,
     font: Font,
     margin: usize,
-    /// Left end of the column of the legend; none: without legend.
+    /// Left end of the column of the legend; `None`: there is no legend.
     column: Option<usize>,
     bar: Option<Bar>,
 }
 
-/// What the legend says.
+/// The contents of the legend.
 #[derive(Debug, Clone, PartialEq)]
 struct Bar {
     title: String,
@@ -28,8 +28,9 @@ struct Bar {
 }
 
 impl Layout {
-    /// For pictures of `size` that show `quantity` between `limits`; `plain`: no legend. `time`: the longest label of
-    /// a time.
+    /// The layout of pictures of `size` that show `quantity` between `limits`.
+    ///
+    /// If `plain`, there is no legend. `time` is the longest label of a time.
     pub fn new(
         size: Size,
         quantity: Quantity,
@@ -64,8 +65,9 @@ impl Layout {
         3 * self.font.height() / 2
     }
 
-    /// Draws legend and time label on `picture`, in colours `ink` on `background`. Spheres of a magnified picture end
-    /// where the legend begins.
+    /// Draws the legend and the time label on `picture`, in the colours `ink` on `background`.
+    ///
+    /// The column of the legend covers the spheres of a magnified picture.
     pub fn draw(
         &self,
         picture: &mut Picture,
@@ -100,7 +102,7 @@ impl Layout {
         }
     }
 
-    /// Rows where the bar begins and ends.
+    /// First and last row of the bar.
     fn ends(&self, size: Size) -> (usize, usize) {
         let above = self.margin + 4 * self.font.height();
         let length = (size.height - 2 * above).min(size.height * 3 / 5);
@@ -113,7 +115,7 @@ impl Bar {
     fn new(quantity: Quantity, limits: Limits) -> Self {
         let (name, unit) = quantity.title();
         let largest = limits.low.abs().max(limits.high.abs());
-        // A power of ten for the title, so that labels stay short.
+        // Move a power of ten into the title, so that labels stay short.
         let power = match largest {
             0.01..1e5 => 0,
             _ => (largest.log10().floor() as i32).clamp(-300, 300),
@@ -127,7 +129,7 @@ impl Bar {
     }
 }
 
-/// Three to eight multiples of 1, 2 or 5 times a power of ten between the ends.
+/// Three to eight round numbers between the limits: multiples of 1, 2 or 5 times a power of ten.
 fn ticks(limits: Limits) -> Vec<(f64, String)> {
     let power = ((limits.high - limits.low) / 8.0).log10().floor() as i32;
     let bounds = |step: f64| ((limits.low / step - 1e-6).ceil(), (limits.high / step + 1e-6).floor());
@@ -143,17 +145,17 @@ fn ticks(limits: Limits) -> Vec<(f64, String)> {
     let count = (last - first).clamp(0.0, 20.0) as i32;
     (0..=count)
         .map(|k| {
-            // Not "-0".
+            // Adding 0 turns -0 into 0.
             let value = (first + f64::from(k)) * step + 0.0;
             (value, format!("{value:.digits$}"))
         })
         .collect()
 }
 
-/// A time as it is labelled, with as many digits as frames `interval` (s) apart need.
+/// The label of a time. It has enough digits to tell frames apart that are `interval` (s) apart.
 pub fn time_label(time: f64, interval: f64) -> String {
     let digits = (-(interval.log10() + 1e-9).floor()).clamp(0.0, 12.0) as usize;
-    // One more where the interval is not a power of ten times 1 to 9.
+    // One more digit if the interval is not 1 to 9 times a power of ten.
     let whole = interval * 10f64.powi(digits as i32);
     let digits = if (whole - whole.round()).abs() > 1e-6 * whole { digits + 1 } else { digits };
     format!("t = {time:.digits$} s")

@@ -1,16 +1,17 @@
-//! Light on the spheres: a key light, light from the sky, and what neighbours keep away.
+//! Light on the spheres: a key light, light from the sky, and shadows of neighbours.
 //!
-//! Colours here are linear in the light; `encoded` makes sRGB of them.
+//! Colours here are linear in the light; `encoded` converts them to sRGB.
 
 use crate::math::vector::Vec3;
 
 /// Linear red, green and blue, 0 to 1.
 pub type Light = [f32; 3];
 
-/// Distance of centres, in radii, from which on neighbours keep no light away.
+/// Distance, in radii, beyond which the centre of a neighbour casts no shadow.
 pub const REACH: f64 = 4.0;
 
-/// Shares of the key light, the sky and a lamp at the camera in what lights a surface that sees them fully.
+/// Strengths of the key light, the sky and a lamp at the camera, for a surface that faces them without
+/// shadow.
 const KEY: f64 = 0.60;
 const SKY: f64 = 0.50;
 const FRONT: f64 = 0.20;
@@ -18,7 +19,7 @@ const FRONT: f64 = 0.20;
 /// Strength of the highlight.
 const SHINE: f64 = 0.10;
 
-/// Where light comes from, in camera coordinates; unit vectors.
+/// Directions towards the key light and upwards, in camera coordinates; unit vectors.
 #[derive(Debug, Clone, Copy)]
 pub struct Lamps {
     key: Vec3,
@@ -26,14 +27,17 @@ pub struct Lamps {
 }
 
 impl Lamps {
-    /// For a camera that sees `up` (unit) in its coordinates: the key light comes from behind it, from the left and
-    /// above.
+    /// Lamps for a camera with the unit vector `up` in its coordinates.
+    ///
+    /// The key light comes from behind the camera, from the left and from above.
     pub fn new(up: Vec3) -> Self {
         Lamps { key: (Vec3::new(-0.30, 0.25, -0.75) + up * 0.50).normalize(), up }
     }
 
-    /// The colour of a point with the given surface colour, unit `normal`, direction `along` of the ray that hits it,
-    /// and the balls around it: centres relative to the point, all of radius `r` (m).
+    /// The colour of a point on a surface with the given `colour` and unit `normal`.
+    ///
+    /// `along` is the direction of the ray that hits it. `around` has the centres of the balls around it,
+    /// relative to the point. All have the radius `r` (m).
     pub fn shade(
         &self,
         colour: Light,
@@ -45,7 +49,7 @@ impl Lamps {
         let (mut sky, mut key) = (1.0, 1.0);
         for away in around {
             let d2 = away.norm_squared();
-            // A neighbour's centre may be the point.
+            // The centre of a neighbour may coincide with the point.
             let d = d2.sqrt().max(1e-9 * r);
             let far = ((REACH * r - d) / r).clamp(0.0, 1.0);
             sky *= 1.0 - 0.9 * far * hidden(normal.dot(&away) / d, d / r);
@@ -60,8 +64,10 @@ impl Lamps {
     }
 }
 
-/// Share of the sky over a surface that a ball hides, weighted with the cosine: its centre at an angle of the given
-/// `cosine` to the normal, and `h` radii away. Exact where the ball is above the horizon, smooth below.
+/// Share of the sky above a surface that a ball covers, weighted with the cosine.
+///
+/// The centre of the ball is `h` radii away, and the angle to the normal has the given `cosine`. Exact if the
+/// ball is above the horizon, smooth below.
 fn hidden(cosine: f64, h: f64) -> f64 {
     let h2 = (h * h).max(1.0);
     let height = cosine * h;
@@ -74,8 +80,10 @@ fn hidden(cosine: f64, h: f64) -> f64 {
     }
 }
 
-/// Share of the key light that a ball around `away` keeps from the point, 0 to 1: all where the ray towards the light
-/// passes well within the ball, none where it misses it by a third of the radius.
+/// Share of the key light that a ball around `away` blocks, 0 to 1.
+///
+/// It is 1 if the ray towards the light passes well inside the ball. It is 0 if the ray misses the ball by a
+/// third of the radius.
 fn shadow(key: &Vec3, away: &Vec3, d2: f64, r: f64) -> f64 {
     let towards = key.dot(away);
     if towards <= 0.0 {
@@ -83,11 +91,11 @@ fn shadow(key: &Vec3, away: &Vec3, d2: f64, r: f64) -> f64 {
     }
     let miss = (d2 - towards * towards).max(0.0).sqrt() / r;
     let share = ((1.3 - miss) / 0.6).clamp(0.0, 1.0);
-    // A ball that is only just on the side of the light keeps little.
+    // A ball that is only just on the side of the light blocks little.
     share * share * (3.0 - 2.0 * share) * (towards / (0.5 * r)).min(1.0)
 }
 
-/// Linear light of an sRGB colour.
+/// Converts an sRGB colour to linear light.
 pub fn linear(colour: [u8; 3]) -> Light {
     colour.map(|c| {
         let c = f32::from(c) / 255.0;
@@ -95,7 +103,7 @@ pub fn linear(colour: [u8; 3]) -> Light {
     })
 }
 
-/// The sRGB colour of a linear light.
+/// Converts linear light to an sRGB colour.
 pub fn encoded(light: Light) -> [u8; 3] {
     light.map(|c| {
         let c = c.clamp(0.0, 1.0);

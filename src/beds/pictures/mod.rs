@@ -1,9 +1,10 @@
-//! Pictures and animations of a run, by rays cast at its spheres.
+//! Pictures and animations of a run, by ray casting.
 //!
-//! First all frames that are drawn are read, for what must be the same in all of them: the camera, the range of the
-//! colours, the edges of the container. Then they are drawn one by one. `camera` places itself and makes rays, `caster`
-//! finds what they hit, `light` gives it a colour, `quantity` says what colours mean, `legend` writes that down, and
-//! `film` makes files.
+//! A first pass reads all frames and finds what all pictures share: the camera, the range of the colours and
+//! the edges of the container. A second pass draws the frames one by one.
+//!
+//! `camera` places the camera and makes rays, `caster` finds what they hit, and `light` computes colours.
+//! `quantity` defines what colours mean, `legend` draws the legend, and `film` writes files.
 
 mod camera;
 mod caster;
@@ -34,23 +35,23 @@ use edges::Edge;
 use film::{Film, Format};
 use legend::{Layout, time_label};
 
-/// Colour of the spheres where colours show nothing.
+/// Colour of the spheres if colours have no meaning.
 const ALIKE: [u8; 3] = [122, 154, 190];
 
-/// How a run is drawn.
+/// The options of pictures and animations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Picture or animation to write.
     pub output: PathBuf,
-    /// Whether every frame has a picture of its own, unless the file is an animation.
+    /// Whether to write one picture for each frame, unless the file is an animation.
     pub numbered: bool,
     /// Width and height.
     pub size: Size,
-    /// What the colours show.
+    /// The quantity that the colours show.
     pub colour: Quantity,
-    /// Values at the two ends of the colours; none: those in the frames drawn.
+    /// Values at the two ends of the colour scale; `None`: their range in the frames that are drawn.
     pub range: Option<Limits>,
-    /// Direction from which the spheres are seen.
+    /// Direction from the spheres to the camera.
     pub direction: Option<[f64; 3]>,
     /// Position of the camera, m.
     pub from: Option<[f64; 3]>,
@@ -64,24 +65,24 @@ pub struct Options {
     pub zoom: f64,
     /// Colour of the background.
     pub background: Background,
-    /// Neither legend nor time.
+    /// Whether to leave out legend and time.
     pub plain: bool,
-    /// No edges of the container.
+    /// Whether to leave out the edges of the container.
     pub no_container: bool,
-    /// Frames of an animation per second.
+    /// Frames per second of an animation.
     pub fps: u16,
-    /// Threads; none: the cores.
+    /// Number of threads; `None`: one for each core.
     pub threads: Option<usize>,
-    /// Whether existing files are replaced.
+    /// Whether to replace existing files.
     pub force: bool,
 }
 
-/// Whether `output` has the name of a picture or an animation.
+/// Checks that `output` has the extension of a picture or an animation.
 pub fn check_format(output: &Path) -> Result<(), Error> {
     Format::of(output).map(|_| ())
 }
 
-/// Draws the `frames` of `record`; the files that were written.
+/// Draws the `frames` of the run file `record`; returns the files that were written.
 pub fn draw(record: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<PathBuf>, Error> {
     let format = Format::of(&options.output)?;
     let paths: Vec<PathBuf> = match (format, options.numbered) {
@@ -108,7 +109,7 @@ pub fn draw(record: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<P
     Ok(paths)
 }
 
-/// What is the same in all pictures.
+/// Everything that is the same in all pictures.
 struct Studio<'a> {
     scene: &'a scene::Scene,
     quantity: Quantity,
@@ -117,9 +118,9 @@ struct Studio<'a> {
     layout: Layout,
     camera: Camera,
     edges: Vec<Edge>,
-    /// Against gravity.
+    /// Unit vector against gravity.
     upwards: Vec3,
-    /// Up in the picture.
+    /// Direction that points up in the picture.
     up: Vec3,
     background: [u8; 3],
     plain: bool,
@@ -131,7 +132,8 @@ impl<'a> Studio<'a> {
         let scene = &record.scene;
         if options.colour == Quantity::Spin && !scene.rotates() {
             return Err(Error::Input(format!(
-                "--colour spin: the spheres of {} do not rotate; choose height, speed, force, overlap or none",
+                "--colour spin: the spheres of {} do not rotate; \
+                 choose height, speed, force, overlap or none",
                 record.path().display()
             )));
         }
@@ -179,7 +181,7 @@ impl<'a> Studio<'a> {
         })
     }
 
-    /// A colour of the scale, `share` of the way along it.
+    /// The colour at the share `share` (0 to 1) of the colour scale.
     fn colour(&self, share: f64) -> [u8; 3] {
         match self.quantity {
             Quantity::None => ALIKE,
@@ -215,7 +217,7 @@ impl<'a> Studio<'a> {
 
     fn film(&self, options: &Options, record: &RunFile, frames: &[u64], format: Format) -> Result<(), Error> {
         let mut film = if format == Format::Gif {
-            // Colours by the first picture, the last, and one between them.
+            // Choose the colours from the first picture, the last one, and one between them.
             let sampled = [frames[0], frames[frames.len() / 2], frames[frames.len() - 1]];
             let samples = sampled.iter().map(|&k| Ok(self.picture(&record.state(k)?)));
             let samples = samples.collect::<Result<Vec<_>, Error>>()?;
@@ -232,18 +234,18 @@ impl<'a> Studio<'a> {
     }
 }
 
-/// The usual direction from which spheres are seen: for z upwards from the front (-y), right (x) and above.
+/// The default direction to the camera. If z is up, it is in front (-y), to the right (x) and above.
 fn from_the_front(up: &Vec3) -> Vec3 {
     let axis = if up.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() };
     let right = (axis - up * up.dot(&axis)).normalize();
     right * 0.5 + right.cross(up) + up * 0.42
 }
 
-/// What the frames have in common.
+/// Properties of all frames together.
 struct Survey {
-    /// All places where spheres are.
+    /// Balls that cover all positions of spheres.
     balls: Vec<Ball>,
-    /// Corners of the box around them, m.
+    /// Corners of the box around all spheres, m.
     low: Vec3,
     high: Vec3,
     /// Smallest and largest value of the quantity.
@@ -270,7 +272,7 @@ impl Survey {
                 }
                 survey.low = survey.low.inf(&(x - Vec3::repeat(r)));
                 survey.high = survey.high.sup(&(x + Vec3::repeat(r)));
-                // Of many frames, one sphere for each small cell.
+                // With several frames, keep one sphere for each small cell.
                 if frames.len() == 1 || cells.insert([0, 1, 2].map(|k| (4.0 * x[k] / r).floor() as i64)) {
                     survey.balls.push((x, r));
                 }

@@ -1,4 +1,4 @@
-//! Values of the options: sizes, ranges, colours.
+//! Values of command line options: projections, sizes, ranges and colours.
 
 use std::str::FromStr;
 
@@ -7,7 +7,7 @@ use clap::ValueEnum;
 /// How depth is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Projection {
-    /// As an eye sees it: what is far is small
+    /// As an eye sees it: distant spheres look smaller
     Perspective,
     /// Parallel rays: equal spheres have equal size
     Orthographic,
@@ -22,7 +22,7 @@ pub struct Size {
     pub height: usize,
 }
 
-/// Fewest and most pixels of a side.
+/// Smallest and largest number of pixels of a side.
 const SIDES: std::ops::RangeInclusive<usize> = 16..=16384;
 
 impl FromStr for Size {
@@ -41,17 +41,17 @@ impl FromStr for Size {
     }
 }
 
-/// Values at the two ends of the colours, in the unit of what they show.
+/// Values at the two ends of the colour scale, in the unit of the quantity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// The first colour is for this and less.
+    /// The first colour stands for this value and all smaller ones.
     pub low: f64,
-    /// The last colour is for this and more; > `low`.
+    /// The last colour stands for this value and all larger ones; > `low`.
     pub high: f64,
 }
 
 impl Limits {
-    /// Where `value` stands between the ends, 0 to 1; 0 for what is not a number.
+    /// Position of `value` between the ends, 0 to 1; 0 for NaN.
     pub fn share(&self, value: f64) -> f64 {
         let share = (value - self.low) / (self.high - self.low);
         if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }

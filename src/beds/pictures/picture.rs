@@ -1,10 +1,10 @@
-//! A picture in memory, and text on it.
+//! A picture in memory, with text on it.
 
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 
 use super::options::Size;
 
-/// Pixels, sRGB, row by row from the top left.
+/// A picture: its pixels in sRGB, row by row from the top left.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Picture {
     /// Its size.
@@ -14,17 +14,17 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// All of one colour.
+    /// A picture of a single colour.
     pub fn new(size: Size, colour: [u8; 3]) -> Self {
         Picture { size, pixels: vec![colour; size.width * size.height] }
     }
 
-    /// All bytes, as files want them.
+    /// All bytes, in the order of the file formats.
     pub fn bytes(&self) -> &[u8] {
         self.pixels.as_flattened()
     }
 
-    /// Lays `ink` over a pixel with the given strength, 0 to 255; beyond the picture nothing happens.
+    /// Blends `ink` over a pixel with the given strength, 0 to 255. Outside the picture it does nothing.
     pub fn ink(&mut self, column: usize, row: usize, ink: [u8; 3], strength: u8) {
         if column < self.size.width && row < self.size.height {
             let pixel = &mut self.pixels[row * self.size.width + column];
@@ -35,7 +35,7 @@ impl Picture {
         }
     }
 
-    /// Fills a rectangle: columns from `left` to before `right`, rows likewise.
+    /// Fills the columns from `left` to `right` and the rows from `top` to `bottom`, without the last ones.
     pub fn fill(&mut self, [left, top, right, bottom]: [usize; 4], ink: [u8; 3]) {
         for row in top..bottom {
             for column in left..right {
@@ -44,7 +44,7 @@ impl Picture {
         }
     }
 
-    /// Writes `text`, ASCII, with its upper left corner at the given pixel.
+    /// Writes the ASCII `text` with its upper left corner at the given pixel.
     pub fn write(&mut self, font: Font, column: usize, row: usize, text: &str, ink: [u8; 3]) {
         for (k, letter) in text.chars().enumerate() {
             let Some(glyph) = get_raster(letter, FontWeight::Regular, font.raster) else { continue };
@@ -65,16 +65,16 @@ impl Picture {
     }
 }
 
-/// Letters of one size; all are equally wide.
+/// A font of one size. All letters have the same width.
 #[derive(Debug, Clone, Copy)]
 pub struct Font {
     raster: RasterHeight,
-    /// Pixels of the picture along a pixel of the font: pictures larger than the largest font.
+    /// Pixels of the picture for each pixel of the font; > 1 in pictures too large for the largest font.
     times: usize,
 }
 
 impl Font {
-    /// The size that suits a picture of `size`.
+    /// The font size that suits a picture of `size`.
     pub fn for_picture(size: Size) -> Self {
         match size.height.min(size.width) / 36 {
             0..18 => Font { raster: RasterHeight::Size16, times: 1 },

@@ -1,4 +1,4 @@
-//! What colours show: a number for every sphere.
+//! The quantities that colours can show: a number for every sphere.
 
 use clap::ValueEnum;
 
@@ -12,25 +12,26 @@ use crate::scene::Scene;
 
 use super::options::Limits;
 
-/// What the colours show.
+/// The quantity that the colours show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Quantity {
-    /// Height of the centre against gravity, m; without gravity z
+    /// Height of the centre against gravity, m; z if there is no gravity
     Height,
     /// Speed of the centre, m/s
     Speed,
     /// Angular speed, rad/s
     Spin,
-    /// Sum of the normal forces, rebound included, of all contacts with spheres and walls, N: how hard it is squeezed
+    /// Sum of the normal forces of all contacts with spheres and walls, rebound included, N: how hard it is
+    /// squeezed
     Force,
     /// Deepest overlap with a sphere or a wall, m
     Overlap,
-    /// Nothing: all spheres alike
+    /// Nothing: all spheres have the same colour
     None,
 }
 
 impl Quantity {
-    /// Title of the legend and unit.
+    /// Title of the legend, and unit.
     pub fn title(self) -> (&'static str, &'static str) {
         match self {
             Quantity::Height => ("height", "m"),
@@ -42,7 +43,7 @@ impl Quantity {
         }
     }
 
-    /// Its value for every sphere of a frame; `up` is a unit vector. Spins must be there where they are asked for.
+    /// The value for every sphere of a frame; `up` is a unit vector. For spins, the frame must have them.
     pub fn values(self, scene: &Scene, state: &State, up: &Vec3) -> Vec<f64> {
         let norms = |vectors: &[[f64; 3]]| vectors.iter().map(|v| Vec3::from(*v).norm()).collect();
         match self {
@@ -66,9 +67,9 @@ impl Quantity {
         }
     }
 
-    /// The ends of the legend for values from `low` to `high`. All but heights begin at 0.
+    /// The limits of the legend for values from `low` to `high`. All quantities except heights begin at 0.
     pub fn limits(self, low: f64, high: f64) -> Limits {
-        // A force may overflow, and the legend ends before.
+        // A force may overflow, so the legend has an upper limit.
         let (low, high) = (if self == Quantity::Height { low } else { 0.0 }, high.min(1e300));
         if high - low > 1e-9 * high.abs().max(low.abs()) {
             Limits { low, high }
@@ -79,7 +80,7 @@ impl Quantity {
     }
 }
 
-/// The normal force of the scene's contacts, eqs. (2.1) to (2.5). With e = 1 the share is 1 at any speed.
+/// The normal force of the contacts of the scene, eqs. (2.1) to (2.5). With e = 1 the rebound function is 1.
 fn law(scene: &Scene) -> Law<Dissipative, Frictionless> {
     let contact = &scene.contact;
     Law {
@@ -92,7 +93,10 @@ fn law(scene: &Scene) -> Law<Dissipative, Frictionless> {
     }
 }
 
-/// Pairs of centres within `reach` (m), by ids, and walls within `wall_reach` (m) of a centre, in one order.
+/// Lists of pairs of centres within `reach` (m) and of walls within `wall_reach` (m) of a centre, in a fixed
+/// order.
+///
+/// The ids of the centres are their indices in `x`.
 pub fn lists(x: &[Vec3], reach: f64, walls: &[crate::model::wall::Wall], wall_reach: f64) -> Lists {
     let keys: Vec<_> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();
@@ -100,8 +104,9 @@ pub fn lists(x: &[Vec3], reach: f64, walls: &[crate::model::wall::Wall], wall_re
     lists
 }
 
-/// Calls `visit(i, gap, n, v_rel)` for every sphere i of every contact with a gap of at most `widest` (m), by the
-/// conventions of [`crate::model::contact`]: for a pair twice, for a wall once.
+/// Calls `visit(i, gap, n, v_rel)` for every sphere i of every contact with a gap of at most `widest` (m).
+///
+/// A pair gives two calls, a wall one. The conventions are those of [`crate::model::contact`].
 fn for_each_contact(
     scene: &Scene,
     state: &State,
@@ -116,7 +121,7 @@ fn for_each_contact(
         for [i, j] in block.first_pairs() {
             let apart = x[i] - x[j];
             let d = apart.norm();
-            // Centres in one point: any direction is as good as another.
+            // The centres coincide, so any direction will do.
             let n = if d > 0.0 { apart / d } else { Vec3::z() };
             let v_rel = v(i) - v(j);
             visit(i, d - 2.0 * r, &n, &v_rel);
@@ -133,7 +138,8 @@ mod tests {
     use super::*;
     use crate::beds::measures::testing;
 
-    /// Two spheres of radius 0.1 m, the lower one 0.01 m deep in the floor, the upper one 0.02 m deep in the lower.
+    /// Two spheres of radius 0.1 m. The lower one is 0.01 m deep in the floor, the upper one 0.02 m deep in
+    /// the lower one.
     fn pair() -> (Scene, State) {
         let scene = testing::scene(
             "gravity = [0, 0, -9.81]
@@ -157,7 +163,8 @@ mod tests {
         close(&values(Quantity::Speed), &[0.0, 5.0]);
         close(&values(Quantity::Spin), &[0.0, 2.0]);
         close(&values(Quantity::Overlap), &[0.02, 0.02]);
-        // Eqs. (2.1), (2.4): the floor at rest keeps (1 + e^2)/2, the pair separates at 4 m/s and keeps e^2.
+        // Eqs. (2.1), (2.4): the floor at rest has the share (1 + e^2)/2, the pair separates at 4 m/s and has
+        // e^2.
         let floor = 10.0 * (150.0 * 0.01f64).exp() * (1.0 + 0.16) / 2.0;
         let pair = 10.0 * (150.0 * 0.02f64).exp() * (0.16 + 0.84 / (1.0 + (20.0 * 4.0f64).exp()));
         close(&values(Quantity::Force), &[floor + pair, pair]);

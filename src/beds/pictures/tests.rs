@@ -1,4 +1,4 @@
-//! Pictures of a few spheres, looked at pixel by pixel.
+//! Tests of pictures: a few spheres, checked pixel by pixel.
 
 use super::camera::{Camera, Wanted};
 use super::caster::{Subject, draw};
@@ -11,7 +11,8 @@ const WHITE: [u8; 3] = [255; 3];
 const RED: [u8; 3] = [230, 20, 20];
 const BLUE: [u8; 3] = [20, 20, 230];
 
-/// Spheres of radius 1 m seen from the front (-y), all of them in the picture, by as many threads as given.
+/// A picture of spheres of radius 1 m from the front (-y), with all of them visible, drawn by `threads`
+/// threads.
 fn shown(
     projection: Projection,
     spheres: &[(Vec3, [u8; 3])],
@@ -46,7 +47,8 @@ fn a_sphere_covers_pi_r_squared_pixels() {
         let size = Size { width: 700, height: 650 };
         let picture = shown(projection, &[(Vec3::new(3.0, -2.0, 7.0), RED)], &[], size, 1);
         let exact = std::f64::consts::PI * 325.0 * 325.0;
-        // Pixels that are only touched are counted: half of those on the rim too many, 1/325 of the area.
+        // Pixels that the sphere only touches count too. Half of those on the rim are too many, 1/325 of the
+        // area.
         let share = coloured(&picture) as f64 / exact - 1.0;
         assert!(share.abs() < 0.01, "{projection:?}: {share}");
     }
@@ -91,7 +93,8 @@ fn light_falls_from_above_and_the_rim_is_smooth() {
     let picture = shown(Projection::Orthographic, &[(Vec3::zeros(), [128; 3])], &[], size, 1);
     let [above, below] = [40, 160].map(|row| at(&picture, 100, row)[0]);
     assert!(above > below + 40, "{above} {below}");
-    // A rim without anti-aliasing has no colours between the sphere's and white; at the sides all of it is darker.
+    // Without anti-aliasing no pixel of the rim has a colour between the sphere and white. The sphere itself is
+    // darker there.
     let soft = picture.pixels.iter().filter(|pixel| (200..255).contains(&pixel[0])).count();
     assert!(soft > 100, "{soft}");
 }
@@ -115,7 +118,7 @@ fn spheres_smaller_than_a_pixel_are_not_lost() {
         (0..100).map(|k| (Vec3::new((k % 10) as f64, 0.0, (k / 10) as f64) * 63.0, RED)).collect();
     let picture = shown(Projection::Orthographic, &lattice, &[], size, 1);
     let found = coloured(&picture);
-    // 0.35 pixels in radius: each touches one to four pixels.
+    // The radius is 0.35 pixels, so that each sphere touches one to four pixels.
     assert!((100..=400).contains(&found), "{found}");
 }
 
@@ -145,6 +148,6 @@ fn letters_leave_ink_where_they_are_written_and_nowhere_else() {
     let inked =
         |wanted: bool| (0..30_000).filter(|&k| inside(k) == wanted && picture.pixels[k] != WHITE).count();
     assert!(inked(true) > 50 && inked(false) == 0);
-    // Beyond the picture nothing happens.
+    // Outside the picture nothing happens.
     picture.write(font, 290, 95, "wide", [0; 3]);
 }

@@ -1,4 +1,4 @@
-//! What the program says: the plan of a dry run, the progress, the closing summary.
+//! What the program prints about a run: the plan of a dry run, the progress, the closing summary.
 
 use crate::domain::{Comm, halo::Extent, launch, rows, slabs::Slabs};
 use crate::engine::dynamics::SKIN;
@@ -23,7 +23,7 @@ pub use monitor::Monitor;
 pub use size_of_run::{checkpoint_bytes, frames, output_bytes};
 pub use warnings::{doubts, forewarnings, overlap_warning};
 
-/// What bounds the steps, in words.
+/// Describes what bounds the steps.
 fn step_control(scene: &Scene) -> String {
     let solver = &scene.solver;
     let norm = if solver.norm == NormName::Paper { "the paper's" } else { "the scaled" };
@@ -45,7 +45,7 @@ fn step_control(scene: &Scene) -> String {
     }
 }
 
-/// Which contacts are evaluated, in words; `reach` is the largest gap, m.
+/// Describes which contacts are evaluated; `cutoff` is the largest gap, m.
 fn contacts(scene: &Scene, cutoff: f64) -> String {
     let contact = &scene.contact;
     if cutoff >= contact.interaction_distance {
@@ -64,7 +64,7 @@ fn contacts(scene: &Scene, cutoff: f64) -> String {
     )
 }
 
-/// When checkpoints are written and what they take, in words.
+/// Describes when checkpoints are written and how large they are.
 fn checkpoints(scene: &Scene, count: u64) -> String {
     let Some(keys) = &scene.checkpoint else {
         return "only when the run is stopped: [checkpoint] interval or wall gives more".to_owned();
@@ -77,12 +77,12 @@ fn checkpoints(scene: &Scene, count: u64) -> String {
     format!("{}, two files, {} at most", when.join(" and "), size(checkpoint_bytes(scene, count)))
 }
 
-/// A positive number that is not known to more.
+/// A positive number with three digits.
 fn three_digits(number: f64) -> String {
     if (0.1..100.0).contains(&number) { format!("{number:.3}") } else { format!("{number:.2e}") }
 }
 
-/// Method and step control of the scene with these particles, in words.
+/// Describes the method and the step control of the scene with these particles.
 fn solver(scene: &Scene, start: &InitialCondition) -> String {
     let solver = &scene.solver;
     let scale = match (solver.step, solver.norm) {
@@ -96,7 +96,7 @@ fn solver(scene: &Scene, start: &InitialCondition) -> String {
     format!("{}, {}{scale}", solver.method, step_control(scene))
 }
 
-/// What a run would do, for `--dry-run`. Collective; the text is the same on every rank.
+/// The text of `--dry-run`: what a run would do. Collective; the text is the same on every rank.
 pub fn plan(
     comm: &dyn Comm,
     name: &Path,
@@ -162,7 +162,7 @@ pub fn plan(
     text
 }
 
-/// Shows how a run gets on: a bar on a terminal, a line a frame elsewhere, nothing if quiet.
+/// Shows the progress of a run: a bar on a terminal, one line per frame elsewhere, nothing if quiet.
 pub struct Progress {
     bar: Option<ProgressBar>,
     lines: bool,
@@ -174,7 +174,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// For a run to `t_end` (s). Only rank 0 speaks.
+    /// The progress of a run to `t_end` (s). Rank 0 alone prints.
     pub fn new(rank: usize, t_end: f64, quiet: bool, verbose: bool) -> Self {
         let speaks = rank == 0 && !quiet;
         let terminal = std::io::stderr().is_terminal();
@@ -194,7 +194,7 @@ impl Progress {
         }
     }
 
-    /// A frame was written.
+    /// Shows the progress after a frame was written.
     pub fn frame<W>(&self, frame: &Frame<W>) {
         let Counts { accepted, rhs, .. } = frame.counts;
         let elapsed = self.started.elapsed().as_secs_f64();
@@ -220,7 +220,7 @@ impl Progress {
         }
     }
 
-    /// The run is over.
+    /// Removes the bar when the run is over.
     pub fn close(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
@@ -228,7 +228,7 @@ impl Progress {
     }
 }
 
-/// Least, largest and mean value over the ranks. Collective.
+/// Least, largest and mean value of each number over the ranks. Collective.
 fn spread<const K: usize>(comm: &dyn Comm, own: [f64; K]) -> [[f64; 3]; K] {
     let mut all = vec![0.0; K * comm.size()];
     comm.all_gather(&own, &mut all);
@@ -239,8 +239,7 @@ fn spread<const K: usize>(comm: &dyn Comm, own: [f64; K]) -> [[f64; 3]; K] {
     })
 }
 
-/// The closing summary, and warnings of what is doubtful. Collective; the text is the same on every rank except for
-/// times.
+/// The closing summary. Collective; the text is the same on every rank except for times.
 pub fn summary(
     comm: &dyn Comm,
     name: &Path,
@@ -353,7 +352,7 @@ pub fn summary(
     text
 }
 
-/// What decided how many of the accepted steps, `limits` in the order of `Limit::ALL`.
+/// Describes how many accepted steps each limit decided; `limits` is in the order of `Limit::ALL`.
 fn step_sizes(limits: &[u64]) -> String {
     let decided = Limit::ALL.iter().zip(limits).filter(|&(_, &steps)| steps > 0);
     let list: Vec<_> = decided.map(|(limit, steps)| format!("{} {steps}", limit.name())).collect();
@@ -417,7 +416,8 @@ mod tests {
 
     #[test]
     fn memory_is_counted_for_the_method_that_will_run() {
-        // State and slope at both ends of a step; slopes of tables, two changes and a direction of Chebyshev.
+        // State and slope at both ends of a step; the slopes of a table, or two increments and a direction of
+        // the stabilised method.
         let of = |method: &str| {
             let step = if method == "velocity-verlet" { "step = 1e-5" } else { "" };
             scene_with_solver(&format!("method = '{method}'\n{step}"))

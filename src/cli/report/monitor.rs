@@ -1,4 +1,4 @@
-//! Looks at every frame for particles that are where they should not be: beyond a wall, or gone for good.
+//! Checks every frame for particles beyond a wall, and for particles that have left an open container.
 
 use crate::domain::Comm;
 use crate::engine::simulation::Frame;
@@ -10,32 +10,35 @@ use crate::scene::initial_condition::InitialCondition;
 use crate::scene::walls::walls;
 use std::cmp::Ordering;
 
-/// A way out of the container along an axis.
+/// A direction in which particles can leave the container.
 #[derive(Debug, Clone)]
 struct Exit {
-    /// Unit vector outwards.
+    /// Unit vector that points outwards.
     along: Vec3,
-    /// Nothing started beyond this distance from the origin along it, m.
+    /// Largest distance of any centre from the origin along it at the start, m.
     started: f64,
 }
 
-/// Places of particles, of this rank's rows.
+/// Checks the positions of this rank's rows in every frame, and warns at the end of the run.
 #[derive(Debug, Clone)]
 pub struct Monitor {
     walls: Vec<Wall>,
     exits: Vec<Exit>,
-    /// Radius and l_max, m.
+    /// Radius of the particles, m.
     r: f64,
+    /// Interaction distance, m.
     l_max: f64,
-    /// Furthest that a centre was beyond a wall, m, and the particle; negative: inside.
+    /// Largest distance of a centre beyond a wall so far, m, and the id of the particle. Negative: inside.
     furthest: (f64, u64),
-    /// Particles that had left in the last frame.
+    /// Ids of the particles that had left the container in the last frame.
     left: Vec<u64>,
 }
 
 impl Monitor {
-    /// For a scene with these particles. A way out is an axis along which no wall stands and gravity does not pull back;
-    /// where there is no wall at all nothing can be left.
+    /// A monitor for a scene with the particles `start`.
+    ///
+    /// Particles can leave along an axis where no wall stands and gravity does not pull them back. If there
+    /// is no wall at all, there is no container to leave.
     pub fn new(scene: &Scene, start: &InitialCondition) -> Self {
         let walls = walls(&scene.container);
         let gravity = Vec3::from(scene.gravity);
@@ -54,7 +57,7 @@ impl Monitor {
         Monitor { walls, exits, r, l_max, furthest: (f64::NEG_INFINITY, 0), left: Vec::new() }
     }
 
-    /// A frame was made.
+    /// Checks the particles of a frame.
     pub fn follow<W: Spin>(&mut self, frame: &Frame<W>) {
         let looks = frame.rows.map(|body| {
             let depth = self.walls.iter().map(|wall| wall.depth(&body.x)).fold(f64::INFINITY, f64::min);
@@ -69,7 +72,9 @@ impl Monitor {
         }
     }
 
-    /// Further out than anything started, touching no wall, and moving on.
+    /// Whether a body at `x` with velocity `v` has left; `depth` is its distance to the nearest wall, m.
+    ///
+    /// Such a body is further out than any body at the start, touches no wall, and moves outwards.
     fn has_left(&self, x: &Vec3, v: &Vec3, depth: f64) -> bool {
         let free = depth - self.r > self.l_max;
         let out = |exit: &Exit| {
@@ -78,7 +83,7 @@ impl Monitor {
         free && self.exits.iter().any(out)
     }
 
-    /// What the frames gave rise to. Collective; the same on every rank.
+    /// Warnings of what the frames showed. Collective; the same on every rank.
     pub fn warnings(&self, comm: &dyn Comm) -> Vec<String> {
         let mut furthest = [self.furthest.0];
         comm.max(&mut furthest);
@@ -147,7 +152,7 @@ mod tests {
 
     #[test]
     fn a_particle_has_left_when_it_is_further_out_than_anything_started_and_moves_on() {
-        // The furthest start is at 0.8 m; a diameter and l_max beyond is 1.1 m.
+        // The furthest start is at 0.8 m. A diameter and l_max more make 1.1 m.
         let chimney = watch("{ min = [0, 0, 0], max = [1, 1, inf] }", "[0, 0, 0]");
         assert!(left(&chimney, [0.5, 0.5, 1.11], [0.0, 0.0, 1.0]));
         assert!(!left(&chimney, [0.5, 0.5, 1.09], [0.0, 0.0, 1.0]));

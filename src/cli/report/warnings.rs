@@ -1,4 +1,4 @@
-//! What a user should doubt, said before a run and after it.
+//! Warnings for the user: of doubtful scenes before a run, and of doubtful results after it.
 
 use super::monitor::Monitor;
 use crate::domain::Comm;
@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 use crate::scene::walls::described_walls;
 
-/// Warnings of a scene and its particles that need no run.
+/// Warnings about a scene and its particles that can be given before a run.
 pub fn forewarnings(scene: &Scene, start: &InitialCondition) -> Vec<String> {
     let mut warnings = double_wall_warnings(scene);
     warnings.extend(cut_force_warning(scene));
@@ -20,7 +20,7 @@ pub fn forewarnings(scene: &Scene, start: &InitialCondition) -> Vec<String> {
     warnings
 }
 
-/// A warning where `l_max` cuts off a force that is not small, with the `l_max` that would do.
+/// Warns if `l_max` cuts off a force that is not small, and names an `l_max` that is large enough.
 fn cut_force_warning(scene: &Scene) -> Option<String> {
     let contact = &scene.contact;
     let g = scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -45,12 +45,12 @@ fn cut_force_warning(scene: &Scene) -> Option<String> {
     })
 }
 
-/// A warning for every two walls that are the same plane: each pushes, and rubs, on its own.
+/// Warns of every two walls in the same plane: each of them pushes and rubs.
 fn double_wall_warnings(scene: &Scene) -> Vec<String> {
     let walls = described_walls(&scene.container);
     let mut warnings = Vec::new();
     for (k, (b, second)) in walls.iter().enumerate() {
-        // Equal to rounding, far below any length that matters.
+        // Equal except for rounding. The limit is far below any length that matters.
         let same = walls[..k].iter().find(|(a, _)| (a.normal - b.normal).norm() < 1e-12 && a.coincides(b));
         warnings.extend(same.map(|(_, first)| {
             format!("warning: {second} is the same plane as {first}: its force counts twice")
@@ -59,7 +59,7 @@ fn double_wall_warnings(scene: &Scene) -> Vec<String> {
     warnings
 }
 
-/// A warning where spheres overlap deeply before anything has moved.
+/// Warns if spheres overlap deeply before anything has moved; `overlap` is the largest overlap, m.
 pub fn overlap_warning(scene: &Scene, overlap: f64) -> Option<String> {
     let share = overlap / scene.particles.radius;
     (share > 0.3).then(|| {
@@ -70,14 +70,18 @@ pub fn overlap_warning(scene: &Scene, overlap: f64) -> Option<String> {
     })
 }
 
-/// Energy (J) that pushes the centres of two bodies `reach` (m) closer than touching: that of a wall with `reach` = r, of
-/// a pair with 2 r. What l_max cuts off is left out.
+/// Energy (J) that it takes to push two bodies `reach` (m) closer together than touching.
+///
+/// At `reach` = r the centre of a sphere is in the plane of a wall. At `reach` = 2 r the centres of a pair
+/// coincide. The force beyond l_max, which is cut off, is included.
 fn barrier(scene: &Scene, kappa: f64, reach: f64) -> f64 {
     scene.contact.repulsion_at_contact / kappa * (kappa * reach).exp()
 }
 
-/// The least kappa (1/m) beyond the scene's for which the barrier is `energy` (J), three digits, rounded up.
+/// The smallest kappa (1/m) above the scene's for which the barrier is `energy` (J): three digits, rounded
+/// up.
 fn kappa_that_would_do(scene: &Scene, reach: f64, energy: f64) -> f64 {
+    // From kappa = 1/reach on, the barrier grows with kappa.
     let mut low = scene.contact.stiffness_exponent.max(1.0 / reach);
     let mut high = low;
     while barrier(scene, high, reach) < energy {
@@ -91,8 +95,10 @@ fn kappa_that_would_do(scene: &Scene, reach: f64, energy: f64) -> f64 {
     (high / unit).ceil() * unit
 }
 
-/// Speed squared (m^2/s^2) towards the plane of normal `n` with which a body of velocity `v` that is `depth` (m) inside
-/// it arrives there under gravity alone; none if it never does.
+/// Squared speed (m^2/s^2) with which a body arrives at a plane under gravity alone; none if it never does.
+///
+/// `v` is the velocity of the body (m/s), `n` the normal of the plane, away from the body. `depth` is the
+/// distance of the body from the plane (m).
 fn arrival(scene: &Scene, v: &[f64; 3], n: &[f64; 3], depth: f64) -> Option<f64> {
     let along = |a: &[f64; 3]| a.iter().zip(n).map(|(a, n)| a * n).sum::<f64>();
     let (v_n, g_n) = (along(v), along(&scene.gravity));
@@ -100,8 +106,9 @@ fn arrival(scene: &Scene, v: &[f64; 3], n: &[f64; 3], depth: f64) -> Option<f64>
     ((v_n > 0.0 || g_n > 0.0) && squared > 0.0).then_some(squared)
 }
 
-/// A warning where a sphere alone arrives at a wall with more energy than the wall can hold back: its centre will go
-/// beyond the plane. Beyond it the force grows on, so that the sphere comes back.
+/// Warns if a single sphere can arrive at a wall with more energy than the barrier of the wall.
+///
+/// Its centre then goes beyond the plane. The force keeps growing there, so that the sphere comes back.
 fn wall_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     let r = scene.particles.radius;
     let walls = described_walls(&scene.container);
@@ -128,9 +135,10 @@ fn wall_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
     })
 }
 
-/// A warning where two spheres can meet with more energy than keeps their centres apart: they will pass through each
-/// other. The closing speed is the largest difference between velocities at the start, or the largest speed of a fall
-/// onto a sphere at rest.
+/// Warns if two spheres can meet with more energy than their barrier. They then pass through each other.
+///
+/// The closing speed is the largest difference between velocities at the start, or the largest speed of a
+/// fall onto a sphere at rest, whichever is larger.
 fn pair_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     if start.x.len() < 2 {
         return None;
@@ -152,7 +160,7 @@ fn pair_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
         high - low
     };
     let squared = falls.fold(square(&[range(0), range(1), range(2)]), f64::max);
-    // The reduced mass is half of a mass.
+    // The reduced mass is half the mass of a sphere.
     let energy = 0.25 * scene.particles.mass * squared;
     let reach = 2.0 * scene.particles.radius;
     let barrier = barrier(scene, scene.contact.stiffness_exponent, reach);
@@ -167,8 +175,10 @@ fn pair_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
     })
 }
 
-/// A warning where the tolerance allows a single step to be wrong by all there is: in the scaled norm by a radius or the
-/// velocity scale v, in the paper's by kappa v^2, the acceleration of a contact at that speed.
+/// Warns if the tolerance allows a single step to be entirely wrong.
+///
+/// In the scaled norm this is an error of a radius or of the velocity scale v. In the paper's norm it is
+/// kappa v^2, the acceleration of a contact at that speed.
 fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     let tolerance = scene.solver.tolerance.filter(|_| scene.solver.step.is_none())?;
     let v = initial_condition::velocity_scale(scene, start);
@@ -187,14 +197,14 @@ fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -> Option<St
     })
 }
 
-/// Share of the largest kinetic energy by which the energy balance may be off upwards.
+/// Share of the largest kinetic energy that the energy balance may gain without a warning.
 const CREATED_SHARE: f64 = 1e-3;
-/// The same for a rise between frames: what the default tolerance may do to a single sphere that bounces.
+/// The same share for a rise between frames: the default tolerance may cause it with one bouncing sphere.
 const RISEN_SHARE: f64 = 1e-2;
-/// Share of the energies in a balance that may be rounding.
+/// Share of the energies in a balance that rounding may explain.
 const ENERGY_ROUNDING: f64 = 1e-12;
 
-/// A warning where the run has, or had at a frame, more energy than it can have.
+/// Warns if the run has more energy than it can have, at the end or at a frame.
 fn created_energy_warning(scene: &Scene, start: &InitialCondition, course: &FrameSummary) -> Option<String> {
     let largest = course.largest_kinetic_energy;
     let [rebound, friction] = course.dissipated;
@@ -209,7 +219,8 @@ fn created_energy_warning(scene: &Scene, start: &InitialCondition, course: &Fram
             created / largest
         ));
     }
-    // A bed at rest has next to no kinetic energy: what one particle has at the velocity scale is nothing to warn of.
+    // A bed at rest has almost no kinetic energy. Do not warn of less than one particle has at the velocity
+    // scale.
     let least = scene.particles.mass * initial_condition::velocity_scale(scene, start).powi(2);
     let (created, scale) = (course.largest_rise, largest.max(least));
     (created > RISEN_SHARE * scale && created > rounding).then(|| {
@@ -222,7 +233,7 @@ fn created_energy_warning(scene: &Scene, start: &InitialCondition, course: &Fram
     })
 }
 
-/// What a user should doubt after a run. Collective; the same on every rank.
+/// Warnings of doubtful results after a run. Collective; the same on every rank.
 pub fn doubts(
     comm: &dyn Comm,
     scene: &Scene,

@@ -1,4 +1,4 @@
-//! One run from its beginning, whichever that is, to its end, whatever that is.
+//! One run, new or resumed, until it is complete or stopped.
 
 use super::Ground;
 use crate::cli::report::{self, Monitor, Progress};
@@ -20,47 +20,47 @@ use std::path::Path;
 /// Where a run begins.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Beginning<'a> {
-    /// At its start, in a new file.
+    /// At t = 0, in a new file.
     Start,
-    /// At its start, in a file that has the first `frames` frames already.
+    /// At t = 0, in a file that already has the first `frames` frames.
     Again { frames: u64 },
     /// At the checkpoint in this file, which has been verified.
     Checkpoint(&'a Path),
 }
 
-/// A run of a scene, once its effects are types.
+/// A run of a scene, as a [`Task`] for the contact law that the scene chooses.
 pub(super) struct Execution<'a> {
     pub ground: &'a Ground<'a>,
-    /// What the run is called: the scene file, or the output file that is taken up.
+    /// Name of the run in messages: the scene file, or the output file that is resumed.
     pub name: &'a Path,
     /// The output file as the user named it.
     pub file: &'a Path,
-    /// The same, absolute.
+    /// Absolute path of the output file.
     pub path: &'a Path,
     pub scene: &'a Scene,
-    /// Where all particles were at t = 0.
+    /// All particles at t = 0.
     pub start: &'a InitialCondition,
     pub beginning: Beginning<'a>,
 }
 
-/// A simulation that is ready to run, and what is known of the run so far.
+/// A simulation that is ready to run, and what is known about the run so far.
 struct Ready<S> {
     simulation: S,
     count: u64,
     velocity_scale: f64,
     course: FrameSummary,
-    /// Frames that are in the output file already.
+    /// Number of frames in the output file.
     frames: u64,
-    /// Frames from here on are not to be written again.
+    /// Number of the next frame. Frames that the file has already are not written again.
     next: u64,
-    /// Checkpoints so far.
+    /// Number of checkpoints so far.
     serial: u64,
-    /// Wall time so far, s.
+    /// Wall time of the run so far, s.
     wall_seconds: f64,
 }
 
 impl Execution<'_> {
-    /// Puts the particles in motion. Collective.
+    /// Creates the simulation, from the initial condition or from a checkpoint. Collective.
     fn ready<'c, R: Rebound, T: Tangential, W: Spin>(
         &self,
         law: Law<R, T>,
@@ -124,7 +124,7 @@ impl Execution<'_> {
         }
     }
 
-    /// The output file, new or with `frames` frames in it. Collective.
+    /// Opens the output file, new or with its first `frames` frames. Collective.
     fn output<'c>(
         &self,
         comm: &'c dyn Comm,
@@ -218,7 +218,7 @@ impl Task for Execution<'_> {
 }
 
 impl Execution<'_> {
-    /// The closing summary, and what to doubt. Collective.
+    /// Prints the closing summary and the warnings of doubtful results. Collective.
     fn tell(&self, outcome: &Outcome, course: &FrameSummary, watch: &Monitor, written: &str) {
         let Ground { comm, threads, .. } = *self.ground;
         let text = report::summary(comm, self.name, self.scene, outcome, course, threads, written);
@@ -230,7 +230,7 @@ impl Execution<'_> {
     }
 }
 
-/// Writes frames and checkpoints, and tells about them.
+/// Observer of a run: writes frames and checkpoints, and shows the progress.
 struct Recorder<'a> {
     comm: &'a dyn Comm,
     output: Output<'a>,
@@ -242,18 +242,18 @@ struct Recorder<'a> {
     measures: Option<Measures>,
     course: FrameSummary,
     watch: Monitor,
-    /// Frames that the file held at the beginning.
+    /// Number of frames that the file had at the beginning.
     kept: u64,
-    /// The next frame.
+    /// Number of the next frame.
     next: u64,
-    /// Frames that were written.
+    /// Number of frames that this process has written.
     written: u64,
     serial: u64,
     earlier_seconds: f64,
     started: std::time::Instant,
 }
 
-/// The time that went into the parts of the work.
+/// Wall time in the parts of the work, s; `output` is the time for frames, s.
 fn seconds(clocks: &Clocks, output: f64) -> Seconds {
     let Clocks { forces, ghosts, lists, reduction } = *clocks;
     let [forces, ghosts, lists, reduction] =
@@ -262,7 +262,7 @@ fn seconds(clocks: &Clocks, output: f64) -> Seconds {
 }
 
 impl Recorder<'_> {
-    /// Wall time of the run, in this process and before, s.
+    /// Wall time of the run in this process and earlier ones, s.
     fn wall_seconds(&self) -> f64 {
         self.earlier_seconds + self.started.elapsed().as_secs_f64()
     }

@@ -1,4 +1,4 @@
-//! What a rank sees of the world outside while it computes: signals, the clock, the stop file.
+//! Interrupts of a run, as one rank receives them: signals, the clock and the stop file.
 
 use crate::error::StopRequest;
 use crate::files::checkpoint;
@@ -14,35 +14,41 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Signals that stop a run: those that people and batch systems send.
+/// Signals that stop a run. People and batch systems send them.
 const SIGNALS: [i32; 3] = [SIGTERM, SIGINT, SIGUSR1];
-/// A signal that comes so long after the first one ends the process.
+/// Another signal ends the process if it comes at least this long after the first one.
 const IMPATIENCE: Duration = Duration::from_secs(1);
-/// How often the stop file is looked for: a look takes long on a shared file system.
+/// Time between two looks for the stop file. A look may take long on a shared file system.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Everything that may stop a run or ask it for a checkpoint.
+/// Everything that may stop a run or request a checkpoint.
 #[derive(Debug)]
 pub struct Interrupts {
-    /// The last signal; 0: none.
+    /// Number of the first signal; 0 if none has come.
     signal: Arc<AtomicUsize>,
-    /// Only rank 0 has a clock and looks for the file.
+    /// Whether this is rank 0, the only rank that reads the clock and looks for the stop file.
     leads: bool,
+    /// When the run began in this process.
     started: Instant,
+    /// Wall time after which the run stops, s; infinite without a limit.
     limit: f64,
+    /// Wall time between checkpoints, s; infinite if the scene sets none.
     between_checkpoints: f64,
+    /// When the last checkpoint was written.
     saved: Cell<Instant>,
     stop_file: PathBuf,
+    /// When this rank last looked for the stop file.
     looked: Cell<Instant>,
 }
 
 impl Interrupts {
-    /// Of a run of `scene` that writes to `output` and whose clock was `started`. From now on signals do not end the
-    /// process any more, but one that comes a second later does.
+    /// Interrupts for a run of `scene` that writes to `output` and began at `started`.
+    ///
+    /// From now on the first signal does not end the process. A signal at least one second later does.
     pub fn listen(scene: &Scene, output: &Path, rank: usize, started: Instant) -> io::Result<Self> {
         let signal = Arc::new(AtomicUsize::new(0));
         let (mut signals, heard) = (Signals::new(SIGNALS)?, Arc::clone(&signal));
-        // One request may come as several signals at once, from the batch system and from mpirun.
+        // One stop request may come as several signals at once, from the batch system and from mpirun.
         thread::Builder::new().name("signals".into()).spawn(move || {
             let mut first = None;
             for number in signals.forever() {
@@ -52,7 +58,7 @@ impl Interrupts {
                         heard.store(number as usize, Ordering::Relaxed);
                     }
                     Some(then) if then.elapsed() >= IMPATIENCE => {
-                        // It ends the process, unless the system does not allow even that.
+                        // This ends the process, unless even that is not allowed.
                         let _ = emulate_default_handler(number);
                     }
                     Some(_) => {}
@@ -62,7 +68,7 @@ impl Interrupts {
         Ok(Interrupts { signal, ..Interrupts::deaf(scene, output, rank, started) })
     }
 
-    /// The same without signals.
+    /// The same, but without a thread that waits for signals.
     fn deaf(scene: &Scene, output: &Path, rank: usize, started: Instant) -> Self {
         let limit = scene.limits.as_ref().and_then(|keys| keys.wall);
         let wall = scene.checkpoint.as_ref().and_then(|keys| keys.wall);
@@ -78,7 +84,7 @@ impl Interrupts {
         }
     }
 
-    /// What this rank would tell the others.
+    /// What this rank requests now; the ranks then agree on one request.
     pub fn request(&self) -> StopRequest {
         if let Ok(number @ 1..) = u8::try_from(self.signal.load(Ordering::Relaxed)) {
             return StopRequest::Signal(number);
@@ -102,15 +108,15 @@ impl Interrupts {
         StopRequest::Nothing
     }
 
-    /// A checkpoint was written just now.
+    /// A checkpoint was just written: restarts the time to the next one.
     pub fn saved(&self) {
         self.saved.set(Instant::now());
     }
 
-    /// The wish to stop is granted: who made the stop file need not remove it.
+    /// The run has stopped by `request`: removes the stop file, so that the user need not do so.
     pub fn granted(&self, request: StopRequest) {
         if self.leads && request == StopRequest::StopFile {
-            // If it cannot be removed, the next run will stop at once and say why.
+            // If the removal fails, the next run will stop at once and say why.
             let _ = std::fs::remove_file(&self.stop_file);
         }
     }

@@ -1,4 +1,4 @@
-//! From the command line to the exit code: reads and checks the scene, runs it, tells about it.
+//! `demhybrid SCENE` and `demhybrid --resume FILE`: reads and checks the scene, runs it, and reports.
 
 use crate::cli::report;
 use crate::domain::Comm;
@@ -31,16 +31,16 @@ pub struct Args {
 
     /// Go on with the run that wrote FILE, from its last checkpoint, on any number of ranks and threads
     ///
-    /// Scene and particles come from FILE and from FILE.ckpt-a and FILE.ckpt-b beside it. With --set, t_end may be larger,
-    /// and checkpoint.* and limits.* may change.
+    /// Scene and particles come from FILE and from FILE.ckpt-a and FILE.ckpt-b beside it. With --set, t_end
+    /// may be larger, and checkpoint.* and limits.* may change.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["scene", "output", "dry_run", "force"])]
     pub resume: Option<PathBuf>,
 
-    /// Output file, in place of output.file of the scene
+    /// Output file, instead of output.file of the scene
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 
-    /// Threads of each MPI rank [default: what the rank's cores and RAYON_NUM_THREADS allow]
+    /// Threads of each MPI rank [default: as many as the rank's cores and RAYON_NUM_THREADS allow]
     #[arg(long, value_name = "N", value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
     pub threads: Option<usize>,
 
@@ -58,16 +58,16 @@ pub struct Args {
     #[arg(long)]
     pub force: bool,
 
-    /// No progress, only warnings and errors
+    /// Show no progress, only warnings and errors
     #[arg(short, long, conflicts_with = "verbose")]
     pub quiet: bool,
 
-    /// More about the progress of the run
+    /// Show more about the progress of the run
     #[arg(short, long)]
     pub verbose: bool,
 }
 
-/// Runs the command line `args` on all ranks of `comm` and returns when it is done. Collective.
+/// Does the run that the command line `args` asks for, on all ranks of `comm`. Collective.
 pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     let started = Instant::now();
     launch::check_launcher(comm.size())?;
@@ -88,13 +88,13 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
             tell(&[]);
             resume::run(&ground, file)
         }
-        // The command line has been read: one of the two is there.
+        // Not reached: the command line demands one of the two.
         (None, None) => Err(Error::Input("a scene, or --resume FILE, is missing".into())),
     };
     if have_cores { threads::with_spinning_threads(run) } else { run() }
 }
 
-/// What every run stands on.
+/// What a new run and a resumed run have in common.
 struct Ground<'a> {
     args: &'a Args,
     comm: &'a dyn Comm,
@@ -103,7 +103,7 @@ struct Ground<'a> {
     started: Instant,
 }
 
-/// Runs the scene `path`, or tells what it would do; `tell` brings warnings to the user. Collective.
+/// Runs the scene `path`, or prints what it would do; `tell` prints warnings. Collective.
 fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), Error> {
     let Ground { args, comm, threads, .. } = *ground;
     let (scene, start) = load_for_output(args, path, comm)?;
@@ -132,7 +132,7 @@ fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), E
     )
 }
 
-/// The scene `path` and its particles, with the output file of the command line. Collective.
+/// Reads the scene `path` and its particles, and puts in the output file of the command line. Collective.
 fn load_for_output(args: &Args, path: &Path, comm: &dyn Comm) -> Result<(Scene, InitialCondition), Error> {
     let (mut scene, start) = load(path, &args.set, comm)?;
     if let Some(file) = &args.output {
@@ -144,7 +144,7 @@ fn load_for_output(args: &Args, path: &Path, comm: &dyn Comm) -> Result<(Scene, 
     Ok((scene, start))
 }
 
-/// Refuses an output that would overwrite what the run is made from.
+/// Refuses an output file that would overwrite the scene or its particles.
 fn spare_the_input(path: &Path, scene: &Scene, output: &Path) -> Result<String, Error> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let particles = scene.particles.file.as_ref().map(|file| folder.join(file));

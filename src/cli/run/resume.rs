@@ -1,4 +1,4 @@
-//! `--resume FILE`: goes on with a run from what it left on the disk.
+//! `--resume FILE`: goes on with a run from the files that it left on the disk.
 
 use super::Ground;
 use super::execute::{Beginning, Execution};
@@ -15,23 +15,23 @@ use crate::scene::initial_condition::{self, InitialCondition};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// What is to be done about a file, as rank 0 finds it.
+/// What to do with the file. Rank 0 decides.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 enum Plan {
-    /// Nothing: the run is complete.
+    /// Nothing: the run is complete, to t = `t` (s).
     Nothing { t: f64 },
-    /// To begin again, with what the file holds of the start.
+    /// Begin again: there is no checkpoint. The first `frames` frames in the file stay.
     Again { scene: String, frames: u64, count: u64 },
-    /// To go on from the first of these checkpoints that turns out to be sound.
+    /// Go on from the first of these checkpoints that is intact. The newest one comes first.
     Continue { scene: String, slots: Vec<Slot> },
 }
 
-/// A checkpoint whose head is sound.
+/// A checkpoint with an intact header.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct Slot {
     path: PathBuf,
     serial: u64,
-    /// Time, s.
+    /// Time of the checkpoint, s.
     t: f64,
     steps: u64,
     count: u64,
@@ -39,7 +39,7 @@ struct Slot {
     version: String,
 }
 
-/// Takes up the run that wrote `file`. Collective.
+/// Resumes the run that wrote `file`. Collective.
 pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     let Ground { args, comm, .. } = *ground;
     let unusable = |why: String| Error::Input(format!("--resume {}: {why}", file.display()));
@@ -81,7 +81,7 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
         Plan::Continue { scene, slots } => {
             let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
             let slot = first_sound(comm, &slots, &tell).map_err(unusable)?;
-            // What came before the checkpoint is looked at for the warnings at the end.
+            // The warnings at the end of the run need the initial condition, which is the first frame.
             let start = start_of(comm, &scene, &path, 1, slot.count)?;
             Output::check_path(comm, file, true, report::output_bytes(&scene, slot.count))?;
             tell(&format!(
@@ -113,7 +113,7 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     }
 }
 
-/// Looks at the file at `place` and at its checkpoints. One rank calls it.
+/// Decides what to do with the output file `path` and its checkpoints. One rank calls it.
 fn plan(path: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Plan, String> {
     let heads: Vec<_> = checkpoint::slots(path)
         .into_iter()
@@ -165,15 +165,16 @@ fn plan(path: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Plan
     Ok(Plan::Continue { scene: found.scene, slots: sound.iter().map(slot).collect() })
 }
 
-/// Frames that the run will make again to the same bits, and that stay as they are: all but that of an end that is the
-/// end no more.
+/// Number of leading frames that stay as they are, because the run will compute them again to the same bits.
+///
+/// The frame of an earlier `t_end` does not stay, unless it is due at its time anyway.
 fn frames_to_keep(found: &Found, asked: &Scene) -> u64 {
     let interval = asked.output.interval.unwrap_or(asked.t_end / 100.0);
     let times = found.times.iter().enumerate();
     times.take_while(|&(k, &time)| time == k as f64 * interval || time == asked.t_end).count() as u64
 }
 
-/// Whether a checkpoint belongs to the run in the file, of the scene `recorded`.
+/// Checks that a checkpoint belongs to the run in the file, whose scene is `recorded`. An error says why not.
 fn fits(header: &Header, found: &Found, recorded: &Scene, path: &Path) -> Result<(), String> {
     let of = |what: String| Err(format!("{} {what}", path.display()));
     let scene = match Scene::parse("", &header.scene, &[]) {
@@ -193,7 +194,7 @@ fn fits(header: &Header, found: &Found, recorded: &Scene, path: &Path) -> Result
     Ok(())
 }
 
-/// The first checkpoint whose particles are sound too. Collective.
+/// The first checkpoint whose particles are intact too. Collective.
 fn first_sound(comm: &dyn Comm, slots: &[Slot], tell: &dyn Fn(&str)) -> Result<Slot, String> {
     let mut complaints = Vec::new();
     for slot in slots {
@@ -208,10 +209,10 @@ fn first_sound(comm: &dyn Comm, slots: &[Slot], tell: &dyn Fn(&str)) -> Result<S
     Err(complaints.join("; "))
 }
 
-/// Keys that may change without changing what was computed so far.
+/// Keys that may change in a resumed run: nothing computed so far depends on them.
 const FREE: [&str; 3] = ["t_end", "checkpoint", "limits"];
 
-/// The recorded scene with the options of the command line, which must only extend the run.
+/// The scene in the file with the options `sets` of the command line, which may only extend the run.
 fn scene_of(file: &Path, recorded: &str, sets: &[String]) -> Result<Scene, String> {
     for set in sets {
         let key = set.split('=').next().unwrap_or_default().trim();
@@ -233,7 +234,9 @@ fn scene_of(file: &Path, recorded: &str, sets: &[String]) -> Result<Scene, Strin
     Ok(scene)
 }
 
-/// The start of a run whose file holds `frames` frames. Collective.
+/// The initial condition of a run whose file holds `frames` frames. Collective.
+///
+/// It is the first frame. If there is none, it comes from `particles.grid` of the scene.
 fn start_of(
     comm: &dyn Comm,
     scene: &Scene,

@@ -1,11 +1,11 @@
-//! Ranks as threads of one process, so that unit tests reach everything that several ranks do without MPI.
+//! Ranks as threads of one process: unit tests run code for several ranks without MPI.
 
 use super::{Comm, Parcels};
 use std::collections::HashMap;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
-/// What the members of a team share.
+/// What all ranks of a team share.
 struct Table {
     size: usize,
     state: Mutex<State>,
@@ -24,7 +24,7 @@ struct Member<'a> {
     table: &'a Table,
 }
 
-/// Runs `work` on every one of `size` ranks and waits for all.
+/// Runs `work` on each of `size` ranks, and waits for all of them.
 pub fn team(size: usize, work: impl Fn(&dyn Comm) + Sync) {
     let state = State { posts: vec![None; size], ..State::default() };
     let table = Table { size, state: Mutex::new(state), bell: Condvar::new() };
@@ -37,7 +37,7 @@ pub fn team(size: usize, work: impl Fn(&dyn Comm) + Sync) {
 }
 
 impl Member<'_> {
-    /// Waits until `ready`; a rank that never comes fails the test instead of hanging it.
+    /// Waits until `ready`. If a rank never arrives, the test fails instead of hanging.
     fn wait(&self, ready: impl Fn(&State) -> bool) -> MutexGuard<'_, State> {
         let mut state = self.table.state.lock().unwrap();
         while !ready(&state) {
@@ -48,7 +48,7 @@ impl Member<'_> {
         state
     }
 
-    /// Everybody's words, by rank.
+    /// The `own` of every rank, by rank.
     fn share(&self, own: Vec<u64>) -> Vec<Vec<u64>> {
         let mut state = self.wait(|state| state.posts[self.rank].is_none());
         state.posts[self.rank] = Some(own);

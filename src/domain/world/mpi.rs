@@ -1,5 +1,4 @@
-//! The ranks that MPI started: the build with the feature `mpi`. world/alone.rs has the same names for the build
-//! without.
+//! The ranks of an MPI job: the build with the feature `mpi`. world/alone.rs has the names for the other.
 
 use super::comm::{Comm, Parcels};
 use mpi::Threading;
@@ -10,17 +9,19 @@ use mpi::topology::{Communicator as _, SimpleCommunicator};
 use mpi::traits::*;
 use smallvec::SmallVec;
 
-/// Partners of a rank for whose messages no memory is allocated: the next slabs, and those beyond where slabs are thin.
+/// Number of partners up to which an exchange allocates no memory.
+///
+/// Partners are the ranks of the next slabs, and of further ones if slabs are thin.
 const PARTNERS: usize = 8;
 
-/// What parallel HDF5 asks for.
+/// The communicator for parallel HDF5.
 pub type Communicator = mpi::ffi::MPI_Comm;
 
-/// MPI from its start to its end, which comes when this is dropped.
+/// An MPI session. MPI ends when this is dropped.
 pub struct Session {
     /// All ranks.
     pub world: World,
-    // Dropped after the communicator.
+    // Declared last, so that it is dropped after the communicator.
     _universe: Universe,
 }
 
@@ -29,7 +30,7 @@ impl Session {
     pub fn end(self) {}
 }
 
-/// Starts MPI. The calling thread, the main one, is the only one that may use it.
+/// Starts MPI. Only the calling thread, which must be the main one, may use it.
 pub fn start() -> Result<Session, &'static str> {
     let (universe, threading) =
         mpi::initialize_with_threading(Threading::Funneled).ok_or("MPI cannot be started")?;
@@ -45,10 +46,11 @@ pub fn built() -> String {
     format!("with MPI ({}) and", library.split([',', '\n']).next().unwrap_or_default().trim())
 }
 
-/// What to say where a launcher started more ranks than the `size` that MPI sees.
+/// End of the error message if a launcher started more ranks than the `size` that MPI sees.
 pub fn foreign_launcher(size: usize) -> String {
     format!(
-        "but MPI sees a world of {size}: this mpirun belongs to another MPI than the one demhybrid is built with ({})",
+        "but MPI sees a world of {size}: this mpirun belongs to another MPI than the one demhybrid is \
+         built with ({})",
         library()
     )
 }
@@ -101,7 +103,8 @@ impl Comm for World {
                 sent.push(WaitGuard::from(self.0.process_at_rank(q as i32).immediate_send(s, parcel)));
             }
             work();
-            // Guards wait when they go, also where `work` panics: an open request would end the process without a word.
+            // The guards wait for their requests when they are dropped, even if `work` panics. A request left
+            // open would end the process without a message.
         });
     }
     fn broadcast(&self, bytes: &mut Vec<u8>) {
@@ -109,7 +112,7 @@ impl Comm for World {
         let mut length = bytes.len() as u64;
         root.broadcast_into(&mut length);
         bytes.resize(length as usize, 0);
-        // MPI counts are 32-bit: long texts go in pieces.
+        // MPI counts have 32 bits, so long texts are sent in pieces.
         for piece in bytes.chunks_mut(1 << 30) {
             root.broadcast_into(piece);
         }

@@ -1,5 +1,9 @@
-//! The bodies of one block: its own particles and its visitors. Blocks share nothing but windows, in which each shows what others
-//! see of it, so every thread may put its particles into place when it likes.
+//! The bodies of one block: its own particles, then its ghosts.
+//!
+//! Every block has its own copy of the bodies that it needs, and only its thread changes them. What others
+//! need of a block, its thread copies to the outbox of the block. Blocks share nothing but these outboxes.
+//!
+//! So a thread may move the bodies of its block at any time, whatever the other threads are doing.
 
 use super::INNER_SKIN;
 use crate::engine::kernel::Batch;
@@ -11,14 +15,19 @@ use crate::model::contact::Law;
 use crate::model::particle::{Motion, Spin};
 use crate::model::wall::Wall;
 
-/// Where a body is to be seen: the window, and the place in it. Ghosts have the window after the last.
+/// Where the current state of a body can be read: number of the outbox, and index in that outbox.
+///
+/// Outbox b belongs to block b. The number after the last outbox stands for the ghosts of the rank.
 pub type OutboxSlot = [u32; 2];
 
-/// Largest squared distances of own bodies from where the lists were built and from where the step began, and of all from where near
-/// pairs were picked, m^2.
+/// Three largest squared distances (m^2), by index:
+///
+/// 0. Own bodies from their positions when the lists were built.
+/// 1. Own bodies from their positions at the start of the step.
+/// 2. All bodies of the block, ghosts too, from their positions when near pairs were picked.
 pub type Distances = [f64; 3];
 
-/// The larger of each.
+/// The larger of the two values of each distance.
 pub fn furthest(a: Distances, b: Distances) -> Distances {
     std::array::from_fn(|k| larger(a[k], b[k]))
 }
@@ -30,21 +39,29 @@ pub fn distance_squared(a: &Vec3, b: &Vec3) -> f64 {
     dot::<Separate>(&way, &way)
 }
 
-/// How far own bodies are from places that were noted once. Once it is known how far they were where the step began, the way
-/// since then mostly tells that they are near enough, and the places need not be read.
+/// A bound on how far the own bodies of a block are from fixed positions, called marks.
+///
+/// It saves memory traffic: the marks need not be read in every stage. The first stage of a step measures how
+/// far the bodies were from their marks at the start of the step.
+///
+/// Later stages add the distance that bodies have moved since the start of the step. By the triangle
+/// inequality the sum is a bound. The marks are read again only if the bound exceeds the limit.
 #[derive(Debug, Clone, Copy)]
 pub struct Offset {
-    /// Largest distance where the step began, m; infinite while it is not known.
+    /// Largest distance from the marks at the start of the step, m; infinite until it is known.
     known: f64,
-    /// Its square as far as it has been measured in the stage at hand, m^2.
+    /// Square of that distance, over the bodies that this stage has measured so far, m^2.
     measured: f64,
 }
 
 impl Offset {
     const UNKNOWN: Offset = Offset { known: f64::INFINITY, measured: 0.0 };
 
-    /// Largest squared distance (m^2) of some bodies from their `places`, or 0 where that is certainly not beyond the `limit` (m^2).
-    /// The bodies have the given `starts`, and the largest squared distance `way` (m^2) from those.
+    /// Largest squared distance (m^2) of some `bodies` from their `marks` (m), or 0 if it certainly does not
+    /// exceed `limit` (m^2).
+    ///
+    /// `starts` are the same bodies at the start of the step. `way` (m^2) is the largest squared distance of
+    /// the bodies from their starts. It must be infinite if a position is NaN.
     pub fn furthest<W: Spin>(
         &mut self,
         marks: &[Vec3],
@@ -52,7 +69,7 @@ impl Offset {
         way: f64,
         limit: f64,
     ) -> f64 {
-        // More than rounding can make of it.
+        // Larger than the rounding error of the bound.
         const MARGIN: f64 = 1.0 + 1e-12;
         if (self.known + way.sqrt()).powi(2) * MARGIN <= limit {
             return 0.0;
@@ -65,7 +82,7 @@ impl Offset {
         far
     }
 
-    /// All bodies have come by.
+    /// Ends a stage: all own bodies have been through `furthest`.
     fn end_stage(&mut self) {
         if self.known == f64::INFINITY {
             self.known = self.measured.sqrt();
@@ -74,21 +91,23 @@ impl Offset {
     }
 }
 
-/// Bodies of a block, and what its thread needs besides.
+/// The bodies of a block, and what its thread needs to work on them.
 pub struct BlockBodies<W> {
-    /// By place: in the evaluation at hand, as far as they are in place.
+    /// Bodies by slot: own particles first, then the ghosts of the block.
+    ///
+    /// During a right-hand side, bodies that have not been made yet still hold an earlier stage.
     pub bodies: Vec<Motion<W>>,
-    /// Where they were when the near pairs were picked, m.
+    /// Positions of all bodies when the near pairs were picked, by slot, m.
     pub picked: Vec<Vec3>,
-    /// How far own bodies are from there.
+    /// How far own bodies are from `picked`.
     pub from_picked: Offset,
-    /// The same from where the lists were built.
+    /// How far own bodies are from their positions when the lists were built.
     pub from_origin: Offset,
-    /// Where the visitors are to be seen.
+    /// Where to read every ghost of the block, in the order of `Block::ghosts`.
     pub ghost_sources: Vec<OutboxSlot>,
-    /// How far bodies have moved in the right-hand side at hand.
+    /// Distances found so far in the current right-hand side.
     pub distances: Distances,
-    /// Scratch.
+    /// Scratch memory of the kernel.
     pub batch: Batch,
 }
 
@@ -106,13 +125,17 @@ impl<W> Default for BlockBodies<W> {
     }
 }
 
-/// How far a body may move before near pairs and walls must be picked afresh, squared, m^2; spheres have the radius `r` (m).
+/// Square of the distance that a body may move before near pairs and walls must be picked again, m^2.
+///
+/// `r` is the radius of the spheres, m.
 pub fn allowed(r: f64) -> f64 {
     (0.5 * INNER_SKIN * r).powi(2)
 }
 
 impl<W: Spin> BlockBodies<W> {
-    /// Takes the bodies of a block out of all `bodies` of the rank, by local index.
+    /// Copies the bodies of the block from `bodies`, which holds all bodies of the rank by local index.
+    ///
+    /// Also empties `picked`, so `pick_near` must follow.
     pub fn load(&mut self, block: &Block, bodies: &[Motion<W>]) {
         let ghosts = block.ghosts.iter().map(|&i| bodies[i as usize]);
         let count = block.range.len() + block.ghosts.len();
@@ -122,26 +145,28 @@ impl<W: Spin> BlockBodies<W> {
         self.bodies.extend(ghosts);
     }
 
-    /// A step begins, from other bodies than before.
+    /// Starts a step. Its start is another state than before, so both offsets become unknown.
     pub fn begin(&mut self) {
         (self.from_picked, self.from_origin) = (Offset::UNKNOWN, Offset::UNKNOWN);
     }
 
-    /// All own bodies have come to their stage. Returns how far they have moved.
+    /// Ends a stage: all own bodies are made. Returns the distances found, and sets them to 0.
     pub fn end_stage(&mut self) -> Distances {
         self.from_picked.end_stage();
         self.from_origin.end_stage();
         std::mem::take(&mut self.distances)
     }
 
-    /// Shows in the `window` what others see of the block.
+    /// Copies the exported bodies to the `outbox` of the block, which is as long as `Block::exported`.
     pub fn export(&self, block: &Block, outbox: &mut [Motion<W>]) {
         for (shown, &slot) in outbox.iter_mut().zip(&block.exported) {
             *shown = self.bodies[slot as usize];
         }
     }
 
-    /// Brings the visitors into place.
+    /// Copies the ghosts of the block from the `outboxes` of all blocks and from the `ghosts` of the rank.
+    ///
+    /// Also finds how far they are from where near pairs were picked.
     pub fn import_ghosts(&mut self, block: &Block, outboxes: &[Vec<Motion<W>>], ghosts: &[Motion<W>]) {
         let first = block.range.len();
         let picked = &self.picked[first..];
@@ -153,7 +178,7 @@ impl<W: Spin> BlockBodies<W> {
         }
     }
 
-    /// Picks near pairs and walls of the bodies in place.
+    /// Picks near pairs and walls for the current bodies, and stores the positions of these in `picked`.
     pub fn pick_near<R, T>(&mut self, block: &mut Block, law: &Law<R, T>, walls: &[Wall]) {
         let skin = INNER_SKIN * law.r;
         let (cutoff, wall_cutoff) = (2.0 * law.r + law.l_max + skin, law.r + law.l_max + 0.5 * skin);
@@ -163,7 +188,7 @@ impl<W: Spin> BlockBodies<W> {
         (self.distances[2], self.from_picked) = (0.0, Offset::UNKNOWN);
     }
 
-    /// Picks them afresh if a body in place has strayed too far from where they were picked.
+    /// Picks near pairs and walls again if a body has moved too far since they were picked.
     pub fn repick_if_strayed<R, T>(&mut self, block: &mut Block, law: &Law<R, T>, walls: &[Wall]) {
         let distances =
             self.bodies.iter().zip(&self.picked).map(|(body, picked)| (body.x - picked).norm_squared());
@@ -181,7 +206,9 @@ impl<W: Spin> BlockBodies<W> {
     }
 }
 
-/// Empties `vector` and makes room for `count`. Bodies that arrive one by one must not double the memory.
+/// Empties `vector` and reserves memory for `count` elements.
+///
+/// A new allocation gets one sixteenth more than needed. A growing `Vec` would double its memory instead.
 pub fn clear_for<T>(vector: &mut Vec<T>, count: usize) {
     if count > vector.capacity() {
         *vector = Vec::with_capacity(count + count / 16);
@@ -197,7 +224,12 @@ mod tests {
     use proptest::test_runner::RngSeed;
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+        #![proptest_config(ProptestConfig {
+            cases: 300,
+            failure_persistence: None,
+            rng_seed: RngSeed::Fixed(1),
+            ..ProptestConfig::default()
+        })]
 
         #[test]
         fn whoever_is_too_far_is_found_in_any_stage(
@@ -208,7 +240,7 @@ mod tests {
             let limit = 0.1;
             let body = |x: Vec3| Motion { x, v: Vec3::zeros(), omega: Locked };
             let marks: Vec<Vec3> = marks.into_iter().map(Vec3::from).collect();
-            // Where the step began they were not where they were noted, and none is moved like the others.
+            // At the start of the step the bodies are not at their marks, and each has moved differently.
             let moved_by = |k: usize, way: [f64; 3]| Vec3::from(way) / (k + 1) as f64;
             let all = |way: &dyn Fn(usize) -> Vec3| -> Vec<_> {
                 marks.iter().enumerate().map(|(k, mark)| body(mark + way(k))).collect()
@@ -218,10 +250,15 @@ mod tests {
             for stage in stages {
                 let bodies = all(&|k| moved_by(k, moved) + moved_by(k, stage));
                 let furthest = |from: &[Vec3]| {
-                    bodies.iter().zip(from).map(|(body, from)| distance_squared(&body.x, from)).fold(0.0, larger)
+                    bodies
+                        .iter()
+                        .zip(from)
+                        .map(|(body, from)| distance_squared(&body.x, from))
+                        .fold(0.0, larger)
                 };
                 let way = furthest(&starts.iter().map(|start| start.x).collect::<Vec<_>>());
-                let (found, exact) = (offset.furthest(&marks, (&bodies, &starts), way, limit), furthest(&marks));
+                let (found, exact) =
+                    (offset.furthest(&marks, (&bodies, &starts), way, limit), furthest(&marks));
                 prop_assert!(found == exact || found == 0.0 && exact <= limit);
                 offset.end_stage();
             }

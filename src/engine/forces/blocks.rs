@@ -1,10 +1,13 @@
-//! Work on all blocks, one a thread.
+//! Loop over the blocks of a rank, one block per thread.
 
 use crate::threads::{self, Cut};
 
-/// Does `work(own, items)` for every block, by as many threads as there are, and combines what it returns. Blocks begin at the
-/// `bounds`, of which there is one more than blocks; `own` is what there is of every block, and `items` what there is of
-/// their particles.
+/// Calls `work(own, items)` once for every block, in parallel, and combines the results.
+///
+/// Block b holds the particles `bounds[b]..bounds[b + 1]`, so there is one bound more than blocks.
+///
+/// `own` holds one element per block, `items` one per particle. Both are cut: a call of `work` gets the
+/// element of its block and the items of its particles.
 pub fn each_block<B: Cut, C: Cut, A: Send>(
     bounds: &[usize],
     own: B,
@@ -15,7 +18,7 @@ pub fn each_block<B: Cut, C: Cut, A: Send>(
     each_from(0, bounds.len() - 1, bounds, own, items, work, combine)
 }
 
-/// `each_block` from block `first` on, of `count` in all.
+/// `each_block` for the blocks between these `bounds`. The first of them is block `first`, of `count` in all.
 fn each_from<B: Cut, C: Cut, A: Send>(
     first: usize,
     count: usize,

@@ -1,6 +1,14 @@
-//! Forces on the particles of one rank: every particle sums its walls in the order of the scene, then its pairs in the
-//! order of sums of [`crate::engine::neighbors`]. No rank, thread or list changes an order, so the sums have the same bits
-//! everywhere. A pair is evaluated once, or twice where its particles belong to two ranks or two threads.
+//! Forces on the particles of one rank.
+//!
+//! Every particle sums its walls in the order of the scene, then its pairs in the summation order of
+//! [`crate::engine::neighbors`]. No rank, thread or list changes this order: the sums have the same bits
+//! everywhere.
+//!
+//! The owned particles are divided into blocks, one per thread; see [`Block`]. A pair is evaluated once, or
+//! twice where its particles belong to two blocks or two ranks.
+//!
+//! The submodule `pass` explains how a right-hand side is evaluated in blocks, `block_bodies` how blocks
+//! exchange bodies.
 
 use crate::engine::kernel::{self, Measure, Survey};
 use crate::engine::neighbors::{Block, Key, Lists};
@@ -21,13 +29,15 @@ mod block_bodies;
 mod blocks;
 mod pass;
 
-/// How far beyond the cut-off near pairs are picked, as a share of the radius.
+/// Inner skin, as a share of the radius: near pairs are picked up to a gap of `l_max` plus this.
 const INNER_SKIN: f64 = 0.1;
 
-/// Particles below which a block of its own is not worth a thread at its post, and one that must be woken.
+/// Least number of particles of a block that is worth another thread.
+///
+/// The first number is for a thread of the spinning thread pool, the second for one that must be woken.
 const BLOCK: [usize; 2] = [64, 512];
 
-/// What the equations of motion need besides the contact law.
+/// Parameters of the equations of motion besides the contact law.
 #[derive(Debug, Clone)]
 pub struct BodyParameters {
     /// Mass of every particle, kg.
@@ -43,23 +53,26 @@ pub struct BodyParameters {
 /// A contact whose force is not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Broken {
-    /// Local indices, the earlier in the order of sums first, and distance of the centres, m.
+    /// Local indices, the earlier in the summation order first, and distance of the centres, m.
     Pair(usize, usize, f64),
-    /// Local index, wall and overlap, m.
+    /// Local index, number of the wall, and overlap, m.
     Wall(usize, usize, f64),
 }
 
-/// Work of a particle without pairs (stages, copies, walls), in units of half a pair; docs/performance.md has the costs.
+/// Work of a particle without its pairs (stages, copies, walls), in units of half a pair.
+///
+/// The costs are in docs/performance.md.
 const LOAD: u64 = 4;
 
-/// What handing its work over to another thread costs every block but the last, in the same units: 2 us.
+/// Cost of handing a block over to another thread (2 us), in the same units. The last block has none.
 const HANDOVER: u64 = 360;
 
-/// A block may have this many times its fair share of the work before blocks are cut anew.
+/// Bounds of blocks are moved when a block has more than this many times the mean work.
 const TOLERATED_IMBALANCE: f64 = 1.03;
 
-/// How far a contact is below the largest gap at which surfaces interact, which it holds, and its overlap, m; 0 where it
-/// is not.
+/// Measures how deep a contact is: how far its gap is below `l_max`, and its overlap, m.
+///
+/// The field is `l_max`, the largest gap at which surfaces interact, m. A number that would be negative is 0.
 pub struct Depth(pub f64);
 
 impl<W: Spin> Measure<W> for Depth {
@@ -71,7 +84,7 @@ impl<W: Spin> Measure<W> for Depth {
     }
 }
 
-/// What a contact stores, J.
+/// Measures the energy that a contact stores, J. The second number is 0.
 pub struct Stored<'a, R, T>(pub Energies<'a, R, T>);
 
 impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Stored<'_, R, T> {
@@ -82,7 +95,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Stored<'_, R, T> {
     }
 }
 
-/// Power that a contact dissipates by rebound and by friction, W.
+/// Measures the power that a contact dissipates by rebound and by friction, W.
 pub struct Dissipated<'a, R, T>(pub Energies<'a, R, T>);
 
 impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Dissipated<'_, R, T> {
@@ -93,43 +106,45 @@ impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Dissipated<'_, R, T> {
     }
 }
 
-/// Blocks and their bodies.
+/// Blocks, and the bodies of each.
 type BlockParts<'a, W> = (&'a mut [Block], &'a mut [BlockBodies<W>]);
 
-/// The same with their windows.
+/// Blocks and their bodies, and the outbox of each.
 type WithOutbox<'a, W> = (BlockParts<'a, W>, &'a mut [Vec<Motion<W>>]);
 
 /// Bodies, lists and forces of one rank.
 pub struct Forces<R, T, W> {
     /// Contact law.
     pub law: Law<R, T>,
-    /// Masses, gravity and walls.
+    /// Mass, inertia, gravity and walls.
     pub parameters: BodyParameters,
-    /// Who may touch whom.
+    /// Neighbour lists, by block.
     pub lists: Lists,
     /// Number of owned particles; they have the first local indices, ghosts the next.
     pub owned: usize,
-    /// Bounds of the blocks.
+    /// Bounds of the blocks: first particle of each, and the number of owned particles at the end.
     bounds: Vec<usize>,
-    /// The same from 0 to 1, as shares of the owned particles.
+    /// The bounds as shares of the owned particles, from 0 to 1. They are kept when lists are rebuilt.
     shares: Vec<f64>,
     /// The bodies of every block.
     block_bodies: Vec<BlockBodies<W>>,
-    /// What every block shows of itself, in one stage and in the next.
+    /// Outboxes of all blocks, in two sets that alternate from stage to stage.
+    ///
+    /// A block may start the next stage while other blocks still read its exported bodies of this one.
     outboxes: [Vec<Vec<Motion<W>>>; 2],
-    /// Which of the two belongs to the stage at hand.
+    /// Which of the two sets belongs to the current stage.
     current: usize,
-    /// The ghosts.
+    /// Ghosts of the rank: copies of the particles of other ranks that may touch owned ones.
     ghosts: Vec<Motion<W>>,
-    /// Where the particles that are sent to other ranks are to be seen.
+    /// Where to read each of the particles that other ranks need.
     exports: Vec<OutboxSlot>,
-    /// Hidden particles of every block that are in place before its pairs are begun, at most.
+    /// How many interior bodies of a block `advance_interior` has made in the current stage, at most.
     ahead: usize,
     set: InstructionSet,
 }
 
 impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
-    /// No particles yet. This processor must have the instructions of `set`.
+    /// Forces without any particles. The processor must have the instructions of `set`.
     pub fn new(law: Law<R, T>, parameters: BodyParameters, set: InstructionSet) -> Self {
         Forces {
             law,
@@ -148,9 +163,13 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         }
     }
 
-    /// Takes `bodies`, of which the first are the `owned` ones, and lists pairs within `reach` (m) and walls within
-    /// `wall_reach` (m) of their centres; `keys` are theirs, those of the owned ones ascending. Particles with the local
-    /// indices `sent` are wanted by other ranks, in this order.
+    /// Takes over `bodies` and builds their neighbour lists. The first `owned` of them are the owned
+    /// particles, the others are ghosts.
+    ///
+    /// Lists pairs of centres within `cutoff` (m), and walls within `wall_cutoff` (m) of a centre. `keys`
+    /// belong to the bodies; those of the owned particles are ascending.
+    ///
+    /// `exports` are the local indices of the owned particles that are ghosts on other ranks.
     pub fn list(
         &mut self,
         bodies: &[Motion<W>],
@@ -180,7 +199,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         }
     }
 
-    /// Brings all bodies to their blocks, and opens windows.
+    /// Copies all bodies to their blocks, sets up the outboxes, and picks near pairs and walls.
     fn load_bodies(&mut self, bodies: &[Motion<W>], exports: impl Iterator<Item = usize> + Clone) {
         let Forces { lists, owned, block_bodies, outboxes, ghosts, .. } = self;
         lists.find_exported(exports.clone());
@@ -215,7 +234,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         each_block(bounds, (&mut lists.blocks[..], &mut block_bodies[..]), (), &load_bodies, &|(), ()| ());
     }
 
-    /// The largest work of a block over the mean of all.
+    /// Largest work of a block, over the mean of all blocks.
     fn imbalance(&self) -> f64 {
         let count = self.lists.blocks.len();
         let loads = self.lists.blocks.iter().enumerate().map(|(b, block)| {
@@ -227,9 +246,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         (most * self.lists.blocks.len() as u64) as f64 / sum as f64
     }
 
-    /// Gives every block the same work.
+    /// Sets `shares` such that every block gets about the same work.
     fn share_out(&mut self) {
-        // A pair across a cut is evaluated on both sides.
+        // A pair of particles in two blocks is evaluated in both.
         let loads = self.loads_with(2);
         let blocks = self.shares.len() as u64 - 1;
         let total = loads.iter().sum::<u64>() + (blocks - 1) * HANDOVER;
@@ -243,7 +262,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         }
     }
 
-    /// From now on evaluates contacts up to `gap` (m), which the lists must cover.
+    /// From now on evaluates contacts up to `gap` (m). The lists must cover that gap.
     pub fn evaluate_within(&mut self, gap: f64) {
         self.law.l_max = gap;
         let Forces { law, parameters, lists, bounds, block_bodies, .. } = self;
@@ -253,12 +272,12 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         each_block(bounds, (&mut lists.blocks[..], &mut block_bodies[..]), (), &pick, &|(), ()| ());
     }
 
-    /// The ghosts.
+    /// The ghosts of the rank, by local index, for whoever refreshes them.
     pub fn ghosts(&mut self) -> &mut [Motion<W>] {
         &mut self.ghosts
     }
 
-    /// Moves the owned bodies to `y`; the ghosts are in place.
+    /// Moves the owned bodies to `y`, in all blocks. The ghosts of the rank must be up to date.
     pub fn put(&mut self, y: &[Motion<W>]) {
         let Forces { law, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, .. } = self;
         let outboxes = &mut outboxes[*current];
@@ -282,26 +301,26 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         );
     }
 
-    /// Particle `k` of those that are sent to other ranks.
+    /// Export `k`: the current body of the k-th particle that other ranks need, in the order given to `list`.
     pub fn export(&self, k: usize) -> &Motion<W> {
         let [outbox, slot] = self.exports[k];
         &self.outboxes[self.current][outbox as usize][slot as usize]
     }
 
-    /// The owned bodies in place.
+    /// Current bodies of all owned particles, by local index.
     pub fn state(&self) -> Vec<Motion<W>> {
         let own = |(block, local): (&Block, &BlockBodies<W>)| local.bodies[..block.range.len()].to_vec();
         self.lists.blocks.iter().zip(&self.block_bodies).flat_map(own).collect()
     }
 
-    /// A wall is a motionless partner with n = -n_k.
+    /// What a wall does to a body; nothing beyond `l_max`. A wall is a motionless partner with n = -n_k.
     fn wall_action(&self, wall: &Wall, body: &Motion<W>) -> Option<Action<W>> {
         let gap = wall.depth(&body.x) - self.law.r;
         (gap <= self.law.l_max)
             .then(|| self.law.action::<Separate, _>(gap, &-wall.normal, &body.v, &body.omega))
     }
 
-    /// What a pair does to its first particle.
+    /// What the contact of a pair does to its first particle, `a`.
     fn pair_action(&self, a: &Motion<W>, b: &Motion<W>) -> Action<W> {
         let apart = a.x - b.x;
         let d = apart.norm();
@@ -312,14 +331,17 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         self.law.action::<Separate, _>(gap, &(apart / d), &(a.v - b.v), &a.omega.plus(&b.omega))
     }
 
-    /// Largest of each of the two numbers of all contacts of the bodies in place, by magnitude; 0 without any, infinite
-    /// where one is not a number.
+    /// Largest magnitude of each of the two numbers of `measure`, over all contacts of the current bodies.
+    ///
+    /// It is 0 without contacts, and infinite if a number is NaN.
     pub fn largest(&mut self, measure: &impl Measure<W>) -> [f64; 2] {
         let add = |a: [f64; 2], b: [f64; 2]| std::array::from_fn(|k| larger(a[k], b[k].abs()));
         self.survey(measure, [0.0; 2], add, add)
     }
 
-    /// Sums of the integers that stand for the two numbers of all contacts of the bodies in place.
+    /// Sum of each of the two numbers of `measure`, over all contacts of the current bodies.
+    ///
+    /// The numbers are summed as `integers`, so that the order does not matter.
     pub fn total(
         &mut self,
         measure: &impl Measure<W>,
@@ -330,8 +352,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         self.survey(measure, [0; 2], take, add)
     }
 
-    /// Folds the numbers of all contacts of the bodies in place, each contact once over all ranks. The order must not
-    /// matter.
+    /// Folds the numbers of `measure` over all contacts of the current bodies. Over all ranks each contact
+    /// counts once. The order of the fold must not matter.
     fn survey<A: Copy + Send + Sync>(
         &mut self,
         measure: &impl Measure<W>,
@@ -350,7 +372,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         each_block(bounds, (&lists.blocks[..], &mut block_bodies[..]), (), &work, &combine)
     }
 
-    /// The contacts of the bodies in place whose force is not finite.
+    /// Contacts of the current bodies whose force is not finite. Over all ranks each counts once.
     pub fn broken(&self) -> impl Iterator<Item = Broken> {
         let finite = |action: &Action<W>| (action.force.norm_squared() + action.torque.max_abs()).is_finite();
         self.lists.blocks.iter().zip(&self.block_bodies).flat_map(move |(block, local)| {
@@ -370,12 +392,13 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         })
     }
 
-    /// Work that every owned particle makes in a right-hand side, in units of one of its near pairs.
+    /// Work that every owned particle causes in a right-hand side, in units of half a pair.
     pub fn loads(&self) -> Vec<u64> {
         self.loads_with(1)
     }
 
-    /// The same where the particle of a block has this part of a pair with a visitor.
+    /// `loads`, where a pair with a ghost of the block counts as `across` for its own particle. A pair of two
+    /// own particles counts as 1 for each of them.
     fn loads_with(&self, across: u64) -> Vec<u64> {
         let mut loads = vec![LOAD; self.owned];
         for block in &self.lists.blocks {

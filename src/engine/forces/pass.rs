@@ -1,8 +1,29 @@
-//! One right-hand side in one pass over memory: a stage is made for some particles at a time, their walls are summed while
-//! they are in the caches, and pairs follow as soon as both of their particles are there.
+//! The right-hand side, evaluated block by block in one pass over memory.
 //!
-//! Particles that other threads and ranks must see come first, so that they travel while the next ones are made. None of
-//! this changes the order in which a particle sums.
+//! A right-hand side belongs to a stage of a step. One thread works on each block of owned particles. It does
+//! three things for every particle:
+//!
+//! - It makes the body: the caller computes the state of the stage from the vectors of the method.
+//! - It starts the slope of the particle with its velocity, and with the forces and torques of walls.
+//! - It adds the forces and torques of pairs, and turns the sums into accelerations.
+//!
+//! The first two are done for [`CHUNK`] particles at a time, so that their data stay in the caches. Pairs
+//! follow in batches, as soon as all of their bodies are made.
+//!
+//! Some bodies of a block are ghosts in other blocks or on other ranks: they are *exported*. All of them are
+//! near the two ends of the block. The particles in the middle, none of them exported, are the *interior*.
+//!
+//! Exported bodies must be made first. So a right-hand side takes three calls:
+//!
+//! 1. `Forces::begin_stage` makes the bodies at both ends and copies the exported ones to the outboxes.
+//! 2. `Forces::advance_interior` makes a part of the interior while messages between ranks are on their way.
+//! 3. `Forces::finish_stage` fetches ghosts, makes the rest of the interior and sums pairs.
+//!
+//! The third call can include the first one of the next stage. This saves a parallel loop, and messages to
+//! other ranks can leave at once.
+//!
+//! A block sums only its *near* pairs and walls. If a body has moved too far since these were picked, the
+//! block picks them again and repeats its sums. None of this changes the order in which a particle sums.
 
 use super::block_bodies::{BlockBodies, allowed, distance_squared, furthest};
 use super::{BlockParts, BodyParameters, Forces, WithOutbox, each_block};
@@ -17,28 +38,31 @@ use crate::threads::Cut;
 use fail::fail_point;
 use std::ops::Range;
 
-/// Particles that are made at a time: all that belongs to them stays in the first-level cache.
+/// Number of particles whose bodies are made at a time. All of their data stay in the first-level cache.
 pub const CHUNK: usize = 64;
 
-/// Particles that one thread makes while ghosts are under way: enough to be busy, and few enough to stay in the
-/// second-level cache until their pairs come.
+/// Number of particles that one thread makes while messages with ghosts are on their way.
+///
+/// Enough to keep the thread busy, and few enough to stay in the second-level cache until their pairs follow.
 const AHEAD: usize = 1024;
 
-/// Batches of pairs after which slopes are finished, while they are in the caches.
+/// Number of batches of pairs after which complete slopes are finished, while they are still in the caches.
 const BATCHES: usize = 8;
 
-/// How the owned bodies come into place.
+/// How the bodies of one stage are made.
 pub struct StageMaker<'a, F, W> {
-    /// `make(stage, first, items, bodies, slopes)` puts bodies from particle `first` on into place; `items` belong to them, and
-    /// the slopes are what they were.
+    /// `make(stage, first, items, bodies, slopes)` writes the stage of consecutive particles to `bodies`.
+    ///
+    /// `first` is the local index of the first particle. `items` are the parts of the caller's vectors for
+    /// these particles. `slopes` still hold what the previous stage left there.
     pub make: &'a F,
-    /// The stage.
+    /// Number of the stage, which `make` gets.
     pub stage: usize,
-    /// Where particles were when the lists were built, m.
+    /// Positions of the owned particles when the lists were built, m.
     pub origin: &'a [Vec3],
-    /// How far from there they may be, squared, m^2.
+    /// Square of the distance from `origin` up to which the lists hold, m^2.
     pub free: f64,
-    /// Bodies when the step began: the same since `Forces::begin_step`.
+    /// Owned bodies at the start of the step. They must stay the same until the next `Forces::begin_step`.
     pub start: &'a [Motion<W>],
 }
 
@@ -50,19 +74,21 @@ impl<F, W> Clone for StageMaker<'_, F, W> {
 
 impl<F, W> Copy for StageMaker<'_, F, W> {}
 
-/// What is the same for all particles.
+/// What is the same for all particles: contact law, body parameters and instruction set.
 struct Field<'a, R, T> {
     law: &'a Law<R, T>,
     parameters: &'a BodyParameters,
     set: InstructionSet,
 }
 
-/// What belongs to consecutive particles: slopes, and the items of a `Place`.
+/// Slopes of consecutive particles, and the items from which a `StageMaker` makes their bodies.
 type Rows<'a, W, C> = (&'a mut [Motion<W>], C);
 
 impl<R: Rebound, T: Tangential> Field<'_, R, T> {
-    /// Brings the particles with places in `part` to their stage, and sets their slopes to velocities, forces (N) and torques
-    /// (N m) of walls.
+    /// Makes the own bodies with slots in `part` and starts their slopes.
+    ///
+    /// The slopes then hold velocities, and forces (N) and torques (N m) of walls. `rows` belong to `part`.
+    /// Also updates `BlockBodies::distances`.
     fn advance<W: Spin, C: Cut>(
         &self,
         maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
@@ -87,7 +113,7 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
                 sum += apart;
                 clear(slope, body);
             }
-            // A body that is nowhere is far from everything, although not further.
+            // A position that is NaN counts as infinitely far. The comparison misses it, the sum does not.
             if sum.is_nan() {
                 way = f64::INFINITY;
             }
@@ -100,8 +126,8 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
         }
     }
 
-    /// Brings the particles at both ends, up to the last that others see, to their stage, and shows those that are seen in the
-    /// window; the rows belong to the two ends.
+    /// Makes the bodies at both ends of the block, which are all but the interior, and copies the exported
+    /// ones to the `outbox`. `front` and `back` are the rows of the two ends.
     fn export<W: Spin, C: Cut>(
         &self,
         maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]), W>,
@@ -115,8 +141,9 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
         local.export(block, outbox);
     }
 
-    /// Adds forces and torques of walls to the slopes of the particles of `part`: of those that were picked as near, while
-    /// they hold, else of all.
+    /// Adds forces and torques of walls to `slopes`, which belong to the own particles with slots in `part`.
+    ///
+    /// Takes the near walls of the block if `near` says that they hold, else all listed walls.
     fn add_walls<W: Spin>(
         &self,
         near: bool,
@@ -132,13 +159,13 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
         kernel::add_walls(self.set, part.start, (contacts, &self.parameters.walls), sweep);
     }
 
-    /// Begins the slopes of all own particles in place anew, with velocities and walls.
+    /// Starts the slopes of all own particles again, with the velocities of their bodies and with near walls.
     fn begin_again<W: Spin>(&self, (block, local): (&Block, &mut BlockBodies<W>), slopes: &mut [Motion<W>]) {
         slopes.iter_mut().zip(&local.bodies).for_each(|(slope, body)| clear(slope, body));
         self.add_walls(true, (block, local), 0..slopes.len(), slopes);
     }
 
-    /// Makes accelerations of forces and torques, eqs. (2.13)-(2.15).
+    /// Turns forces and torques in `slopes` into accelerations, eqs. (2.13)-(2.15).
     fn finish<W: Spin>(&self, slopes: &mut [Motion<W>]) {
         let inverse_mass = 1.0 / self.parameters.mass;
         for slope in slopes {
@@ -148,25 +175,29 @@ impl<R: Rebound, T: Tangential> Field<'_, R, T> {
     }
 }
 
-/// Begins the slope of a body in place. By component: as a whole it would take a detour over the stack.
+/// Starts the slope of a body: its velocity, no force, no torque.
+///
+/// Assigned by component, because the compiler would build the whole struct on the stack first.
 fn clear<W: Spin>(slope: &mut Motion<W>, body: &Motion<W>) {
     (slope.x, slope.v, slope.omega) = (body.v, Vec3::zeros(), W::zero());
 }
 
-/// How far the pairs of a block have come.
+/// How far the sums over the near pairs of a block have come.
 #[derive(Default)]
 struct Pairs {
-    /// Batches that have been evaluated.
+    /// Number of batches that have been evaluated.
     batches: usize,
-    /// The particles before this place have their accelerations.
+    /// Own particles with slots below this one have their accelerations.
     done: usize,
-    /// Pairs that were within `l_max` and have their first particle in the block.
+    /// Number of evaluated pairs within `l_max` whose first particle is an own one.
     count: u64,
 }
 
 impl Pairs {
-    /// Evaluates pairs, and finishes slopes, as far as that is possible with the own particles before `limit` in place,
-    /// besides the visitors.
+    /// Evaluates the next pairs and finishes slopes, as far as possible while only the own bodies with slots
+    /// below `limit` are made. The ghosts of the block must be there.
+    ///
+    /// `slopes` are those of all own particles of the block.
     fn sum_ready<R: Rebound, T: Tangential, W: Spin>(
         &mut self,
         limit: usize,
@@ -185,7 +216,8 @@ impl Pairs {
                 self.count += kernel::add_pairs(field.set, pairs, sweep);
                 self.batches += ready;
             }
-            // Pairs come by their first particles: own ones before the next such have met all of their partners.
+            // Pairs are sorted by their first particles. So own particles before the first particle of the
+            // next pair have met all of their partners. Where that one is a ghost, its slot is of no use.
             let next = near.get(self.batches * BATCH).map(|pair| pair[0]);
             if next.is_none_or(|next| block.owns(next)) {
                 let end = next.map_or(limit, |next| limit.min(next as usize)).max(self.done);
@@ -200,13 +232,16 @@ impl Pairs {
 }
 
 impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
-    /// A step begins: from a `Place::start` that no right-hand side so far had.
+    /// Starts a step. From now on `StageMaker::start` may be another state than before.
     pub fn begin_step(&mut self) {
         self.block_bodies.iter_mut().for_each(BlockBodies::begin);
     }
 
-    /// Begins a right-hand side: brings those bodies that others see to the stage that `place` makes. `items` belong to the
-    /// owned particles. Needs no ghosts.
+    /// Starts a right-hand side: makes the bodies at both ends of every block, and copies the exported ones
+    /// to the outboxes. Needs no ghosts.
+    ///
+    /// `items` and `dydt` belong to the owned particles, by local index. Without exports nothing is done
+    /// here.
     pub fn begin_stage<C: Cut>(
         &mut self,
         maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
@@ -229,7 +264,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         each_block(bounds, own, (dydt, items), &work, &|(), ()| ());
     }
 
-    /// Goes on with bodies that nobody else sees, while ghosts are under way. Needs no ghosts.
+    /// Makes the first interior bodies of every block, `AHEAD` at most, while ghosts are on their way.
+    ///
+    /// Arguments as for `begin_stage`.
     pub fn advance_interior<C: Cut>(
         &mut self,
         maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
@@ -255,11 +292,18 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         );
     }
 
-    /// Ends a right-hand side: brings the bodies that are left into place, adds pairs, and leaves accelerations in the slopes,
-    /// eqs. (2.13)-(2.15). Ghosts are in place. Where `goes_on` it opens the next stage of the same `place` and items as well, and
-    /// slopes of particles at both ends are begun anew. Returns how many pairs are within `l_max` and have the earlier of
-    /// their particles here, so that over all ranks every pair is counted once, and the largest squared distances of the owned
-    /// bodies from where the lists were built, as far as they may exceed `free`, and from where the step began, m^2.
+    /// Ends a right-hand side: makes the remaining bodies, adds pairs, and leaves accelerations in `dydt`,
+    /// eqs. (2.13)-(2.15). The ghosts of the rank must have arrived.
+    ///
+    /// With `begins_next` it then starts the next stage as `begin_stage` would, with the same `maker` and
+    /// `items`. The slopes of particles at both ends of a block are then already those of the next stage.
+    ///
+    /// Returns the number of pairs within `l_max` whose first particle is owned by this rank. So over all
+    /// ranks every pair counts once.
+    ///
+    /// Also returns two largest squared distances of owned bodies, m^2: from their positions when the lists
+    /// were built, and from those at the start of the step. The first is 0 if it is certainly not beyond
+    /// `free`.
     pub fn finish_stage<C: Cut>(
         &mut self,
         maker: StageMaker<impl Fn(usize, usize, C, &mut [Motion<W>], &mut [Motion<W>]) + Sync, W>,
@@ -288,7 +332,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             let mut items = items.cut(placed - start).1;
             let mut pairs = Pairs::default();
             loop {
-                // What is behind the hidden ones is in place too.
+                // Bodies behind the interior were made before: once it is complete, all own bodies are there.
                 let limit = if placed < end { placed } else { own };
                 if local.distances[2] <= allowed {
                     pairs.sum_ready(limit, &field, (block, local), slopes);

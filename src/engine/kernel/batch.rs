@@ -1,4 +1,6 @@
-//! Columns of a batch of contacts: filled from particles, replaced by what the contacts do, added to particles.
+//! Columns of a batch of contacts.
+//!
+//! They are filled from the bodies, then replaced by forces and torques, which are added to the slopes.
 
 use super::{BATCH, Measure};
 use crate::math::instructions::Lanes;
@@ -6,22 +8,23 @@ use crate::math::vector::Vec3;
 use crate::model::contact::{Action, Law, Rebound, Tangential};
 use crate::model::particle::{Motion, Spin};
 
-/// Columns are evaluated in multiples of this.
+/// The number of evaluated rows is a multiple of this.
 const STRIDE: usize = 8;
 
 type Column = [f64; BATCH];
 
-/// Columns of a batch of contacts, seen from their first particle.
+/// Columns of a batch of contacts, one row per contact. Signs are those for the first particle of a contact.
 #[derive(Debug, Clone)]
 #[repr(align(64))]
 pub struct Batch {
     /// Gap, m.
     pub gap: Column,
-    /// Pairs: difference of the centres, m; walls: unit normal towards the particle. Then force, N.
+    /// At first the difference of the centres (m) for a pair, then the unit normal; for a wall, at once the
+    /// unit normal towards the particle. At last the force, N.
     pub n: [Column; 3],
     /// Velocity relative to the partner, m/s.
     v: [Column; 3],
-    /// Sum of the angular velocities, rad/s. Then torque, N m.
+    /// At first the sum of the angular velocities, rad/s. At last the torque, N m.
     spins: [Column; 3],
     /// 1 where a pair is within `l_max`, 0 elsewhere.
     pub near: [u64; BATCH],
@@ -35,16 +38,18 @@ impl Default for Batch {
 }
 
 impl Batch {
-    /// How many rows of the columns to evaluate for so many contacts: what is behind them is left over from others.
+    /// Number of rows to evaluate for this number of `contacts`: the next multiple of `STRIDE`.
+    ///
+    /// The rows after the last contact hold values of an earlier batch. Their results are not used.
     #[inline(always)]
     pub fn rows(contacts: usize) -> usize {
         let rows = contacts.next_multiple_of(STRIDE);
-        // The compiler then knows that all of them are there.
+        // Tells the compiler that all rows exist.
         assert!(rows <= BATCH);
         rows
     }
 
-    /// Puts differences of the centres, and of velocities, and sums of spins, of the pairs.
+    /// Fills the rows of `pairs`: differences of the centres and of the velocities, and sums of the spins.
     #[inline(always)]
     pub fn gather<L: Lanes, W: Spin>(&mut self, bodies: &[Motion<W>], pairs: &[[u32; 2]]) {
         let (fours, rest) = pairs.as_chunks::<4>();
@@ -81,7 +86,7 @@ impl Batch {
         }
     }
 
-    /// Puts one contact.
+    /// Fills row `k`, without the gap: normal or difference of centres, relative velocity, sum of spins.
     #[inline(always)]
     pub fn put<W: Spin>(&mut self, k: usize, n: &Vec3, v: &Vec3, spins: &W) {
         self.put_normal(k, n);
@@ -92,26 +97,29 @@ impl Batch {
         }
     }
 
-    /// Puts the normal, or the difference of the centres, of one contact.
+    /// Sets the normal, or the difference of the centres, in row `k`.
     #[inline(always)]
     pub fn put_normal(&mut self, k: usize, n: &Vec3) {
         (self.n[0][k], self.n[1][k], self.n[2][k]) = (n.x, n.y, n.z);
     }
 
-    /// What was put.
+    /// The normal, or the difference of the centres, in row `k`.
     #[inline(always)]
     pub fn normal(&self, k: usize) -> Vec3 {
         Vec3::new(self.n[0][k], self.n[1][k], self.n[2][k])
     }
 
-    /// Replaces the first two components of the normal by the two numbers of the measure.
+    /// Replaces the first two components of the normal in row `k` by the two numbers of the measure.
     #[inline(always)]
     pub fn measure<L: Lanes, W: Spin, M: Measure<W>>(&mut self, k: usize, measure: &M, gap: f64, n: &Vec3) {
         let v = Vec3::new(self.v[0][k], self.v[1][k], self.v[2][k]);
         [self.n[0][k], self.n[1][k]] = measure.of::<L>(gap, n, &v, &self.torque::<W>(k));
     }
 
-    /// Replaces what was put by force and torque at the gap that is there; zero unless the contact is `near`.
+    /// Evaluates the contact law for row `k`: force and torque replace normal and spins.
+    ///
+    /// The gap, normal, velocity and spins must be set. Force and torque are zero unless the contact is
+    /// `near`.
     #[inline(always)]
     pub fn evaluate<L: Lanes, R: Rebound, T: Tangential, W: Spin>(
         &mut self,
@@ -133,13 +141,13 @@ impl Batch {
         }
     }
 
-    /// The force that took the normal's place.
+    /// The force in row `k`, after `evaluate`, N.
     #[inline(always)]
     pub fn force(&self, k: usize) -> Vec3 {
         self.normal(k)
     }
 
-    /// The torque that took the spins' place.
+    /// The torque in row `k`, after `evaluate`, N m. Before, the sum of the spins, rad/s.
     #[inline(always)]
     pub fn torque<W: Spin>(&self, k: usize) -> W {
         if W::COMPONENTS == 3 {
@@ -149,8 +157,10 @@ impl Batch {
         }
     }
 
-    /// Adds forces and torques of the pairs to the slopes, and returns how many pairs are near although their first particle
-    /// has none here. Visitors are the matter of their own block or rank.
+    /// Adds forces and torques of `pairs` to the slopes of their particles.
+    ///
+    /// Ghosts have no slope here: their own block or rank evaluates the pair too. Returns the number of near
+    /// pairs whose first particle is a ghost.
     #[inline(always)]
     pub fn scatter<L: Lanes, W: Spin>(&self, pairs: &[[u32; 2]], slopes: &mut [Motion<W>]) -> u64 {
         let mut elsewhere = 0;
@@ -171,7 +181,9 @@ impl Batch {
         elsewhere
     }
 
-    /// Of four contacts from `k` on: forces with the first component of the torques, and the other two.
+    /// Forces and torques of the four contacts from row `k` on, as two rows of numbers for each.
+    ///
+    /// The first holds the force and the first component of the torque, the second the other two components.
     #[inline(always)]
     fn actions<L: Lanes, W: Spin>(&self, k: usize) -> ([L::Row; 4], [L::Row; 4]) {
         let get = |column| get::<L>(column, k);
@@ -185,8 +197,9 @@ impl Batch {
         (L::transpose([force[0], force[1], force[2], x]), L::transpose([y, z, zeros, zeros]))
     }
 
-    /// Adds an action to both slopes of a pair, where they are here. Returns 1 if the first is not and the pair, at `k`, is
-    /// near.
+    /// Adds force and torque of a pair to the slopes of its two particles, as far as these have slopes here.
+    ///
+    /// Returns 1 if the first particle has none and the pair, in row `k`, is near; else 0.
     #[inline(always)]
     fn add<L: Lanes, W: Spin>(
         &self,
@@ -211,26 +224,27 @@ impl Batch {
     }
 }
 
-/// Centre and first component of the velocity.
+/// Centre of a body, and the first component of its velocity.
 #[inline(always)]
 fn head<L: Lanes, W: Spin>(body: &Motion<W>) -> L::Row {
     L::row([body.x.x, body.x.y, body.x.z, body.v.x])
 }
 
-/// The other components of the velocity, and the first two of the spin.
+/// The other two components of the velocity, and the first two of the spin.
 #[inline(always)]
 fn tail<L: Lanes, W: Spin>(body: &Motion<W>) -> L::Row {
     let w = body.omega.vector();
     L::row([body.v.y, body.v.z, w.x, w.y])
 }
 
-/// Force, and the first component of the torque.
+/// Force in a slope, and the first component of its torque.
 #[inline(always)]
 fn slopes_head<L: Lanes, W: Spin>(slope: &Motion<W>) -> L::Row {
     L::row([slope.v.x, slope.v.y, slope.v.z, slope.omega.vector().x])
 }
 
-/// Replaces force and first component of the torque, and adds to the others the first two numbers of `tail`.
+/// Replaces the force and the first component of the torque in a slope by `head`. Adds the first two numbers
+/// of `tail` to the other two components of the torque.
 #[inline(always)]
 fn replace<L: Lanes, W: Spin>(slope: &mut Motion<W>, head: L::Row, tail: L::Row) {
     let w = slope.omega.vector();
@@ -242,13 +256,13 @@ fn replace<L: Lanes, W: Spin>(slope: &mut Motion<W>, head: L::Row, tail: L::Row)
     }
 }
 
-/// Four numbers of a column, from number `k` on.
+/// The four numbers of a column from row `k` on.
 #[inline(always)]
 fn get<L: Lanes>(column: &Column, k: usize) -> L::Row {
     L::load(column[k..].first_chunk().expect("columns are evaluated by eights"))
 }
 
-/// Sets four numbers of a column, from number `k` on.
+/// Sets the four numbers of a column from row `k` on.
 #[inline(always)]
 fn set<L: Lanes>(column: &mut Column, k: usize, row: L::Row) {
     column[k..k + 4].copy_from_slice(&L::numbers(row));

@@ -1,8 +1,10 @@
-//! The contact law over batches of contacts, by the widest vector instructions that the processor has.
+//! The contact kernel: evaluates the contact law for batches of contacts with vector instructions.
 //!
-//! Contacts are gathered into columns, evaluated with one loop that the compiler turns into vector instructions, and
-//! added to their particles one after the other. All of it is compiled for every instruction set; all compute the
-//! same operations in the same order, so all that fuse products with additions give the same bits, however wide they are.
+//! Contacts are gathered into columns. One loop evaluates them, which the compiler turns into vector
+//! instructions. The results are added to the particles one after the other.
+//!
+//! All of this is compiled once for every instruction set. All sets do the same operations in the same order.
+//! So all sets with fused multiply-add give the same bits, whatever their width.
 
 use crate::engine::neighbors::{BATCH, Block};
 use crate::math::elementary::{Arithmetic, inverse_root};
@@ -16,19 +18,23 @@ mod batch;
 
 pub use batch::Batch;
 
-/// What a sweep over contacts needs.
+/// The data of a sweep over contacts, which adds forces and torques to slopes.
 pub struct Sweep<'a, R, T, W> {
     /// Contact law.
     pub law: &'a Law<R, T>,
-    /// Bodies by place: a block's own, then its visitors.
+    /// Bodies by slot: the own particles of a block, then its ghosts.
     pub bodies: &'a [Motion<W>],
-    /// Scratch.
+    /// Scratch memory.
     pub batch: &'a mut Batch,
-    /// Slopes of the first of these bodies: forces (N) and torques (N m) are added.
+    /// Slopes of the first of these bodies, at most of the own particles. During a sweep they hold forces (N)
+    /// and torques (N m), to which the sweep adds.
     pub slopes: &'a mut [Motion<W>],
 }
 
-/// Adds what `walls` do in the given `contacts` of place and wall, to bodies of which the first has the place `first`.
+/// Adds forces and torques of `walls` to the slopes of the sweep.
+///
+/// A contact is a slot and the number of a wall. The bodies and the slopes of the sweep begin with slot
+/// `first`.
 pub fn add_walls<R: Rebound, T: Tangential, W: Spin>(
     set: InstructionSet,
     first: usize,
@@ -38,7 +44,10 @@ pub fn add_walls<R: Rebound, T: Tangential, W: Spin>(
     run(set, Walls(first, contacts, walls, sweep));
 }
 
-/// Adds what the given pairs do. Returns how many of them are within `l_max` and have a slope here for their first particle.
+/// Adds forces and torques of `pairs`, given by their slots, to the slopes of the sweep.
+///
+/// A body without a slope is a ghost; nothing is added for it. Returns the number of pairs within `l_max`
+/// whose first particle has a slope.
 pub fn add_pairs<R: Rebound, T: Tangential, W: Spin>(
     set: InstructionSet,
     pairs: &[[u32; 2]],
@@ -81,12 +90,12 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
                 let (d2, inverse_d) = distance::<L>(&apart);
                 let far = d2 > cutoff * cutoff;
                 batch.gap[k] = L::add_product(d2, inverse_d, -2.0 * law.r);
-                // What is not a number is not far: it must show.
+                // A distance that is NaN must not count as far: the fault has to show in the forces.
                 batch.near[k] = u64::from(!far);
                 batch.put_normal(k, &scaled(inverse_d, &apart));
             }
-            // A loop of its own: in one with the distances more operations wait for each other than the processor looks ahead,
-            // and the whole run takes a tenth longer.
+            // A separate loop. Together with the distances, more operations would wait for each other than
+            // the processor can look ahead.
             for k in 0..Batch::rows(pairs.len()) {
                 batch.evaluate::<L, R, T, W>(k, law, batch.near[k] != 0);
             }
@@ -97,36 +106,36 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
     }
 }
 
-/// Square of the length of a vector, and one over its length.
+/// Square of the length of a vector, and the inverse of its length.
 #[inline(always)]
 fn distance<L: Lanes>(apart: &Vec3) -> (f64, f64) {
     let d2 = dot::<L>(apart, apart);
     (d2, inverse_root::<L>(d2))
 }
 
-/// Two numbers that every contact has, of which whole systems have maxima or sums.
+/// Two numbers of a contact, such as energies, whose maxima or sums over all contacts are wanted.
 pub trait Measure<W>: Sync {
-    /// Whether velocities and spins matter.
+    /// Whether the numbers depend on velocities and spins. If not, `of` gets meaningless values for these.
     const MOVES: bool;
-    /// The numbers of one contact, at any gap; arguments as for [`Law::action`].
+    /// The numbers of one contact. Arguments as for [`Law::action`], but the gap may have any size.
     fn of<A: Arithmetic>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2];
 }
 
-/// The contacts of one block, each once over all blocks of all ranks.
+/// The contacts of one block to be measured. Over all blocks of all ranks, each contact is measured once.
 pub struct Survey<'a, W> {
     /// Radius of every sphere, m.
     pub r: f64,
     /// The walls.
     pub walls: &'a [Wall],
-    /// Bodies by place.
+    /// Bodies of the block by slot.
     pub bodies: &'a [Motion<W>],
-    /// The block's lists.
+    /// The block with its lists: near pairs and all listed walls are measured.
     pub block: &'a Block,
-    /// Scratch.
+    /// Scratch memory.
     pub batch: &'a mut Batch,
 }
 
-/// Hands the numbers of all contacts of the survey to `take`, in no order that matters.
+/// Calls `take` with the numbers of every contact of the survey. The order must not matter to `take`.
 pub fn measure<W: Spin, M: Measure<W>>(
     set: InstructionSet,
     survey: Survey<W>,
@@ -158,7 +167,7 @@ impl<W: Spin, M: Measure<W>, F: FnMut([f64; 2])> Vectorised for Measuring<'_, W,
                 batch.measure::<L, W, M>(k, measure, gap, &scaled(inverse_d, &apart));
             }
             for (k, [i, _]) in pairs.iter().enumerate() {
-                // The others are counted where their first particle is.
+                // Other pairs are counted in the block of their first particle.
                 if block.owns(*i) {
                     take([batch.n[0][k], batch.n[1][k]]);
                 }

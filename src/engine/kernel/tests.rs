@@ -1,4 +1,4 @@
-//! Contacts by all instruction sets and blocks.
+//! Tests of the kernel with all instruction sets and with several numbers of blocks.
 
 use super::*;
 use crate::engine::forces::{BodyParameters, Dissipated, Stored};
@@ -22,7 +22,7 @@ fn law<R, T>(rebound: R, tangential: T) -> Law<R, T> {
     Law { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound, tangential }
 }
 
-/// A dense cloud with its lists, of which all near pairs are picked.
+/// A dense cloud of bodies and its lists, with near pairs and near walls picked.
 fn cloud<W: Spin>(n: usize, blocks: usize) -> (Vec<Motion<W>>, Lists) {
     let mut random = ChaCha8Rng::seed_from_u64(11);
     let mut vector = |size: f64| Vec3::from_fn(|_, _| size * random.random::<f64>());
@@ -45,7 +45,7 @@ fn cloud<W: Spin>(n: usize, blocks: usize) -> (Vec<Motion<W>>, Lists) {
     (bodies, lists)
 }
 
-/// The bodies of a block by place.
+/// The bodies of a block by slot.
 fn seated<W: Spin>(block: &Block, bodies: &[Motion<W>]) -> Vec<Motion<W>> {
     let places = 0..(block.range.len() + block.ghosts.len()) as u32;
     places.map(|slot| bodies[block.index(slot)]).collect()
@@ -78,7 +78,7 @@ fn slopes<R: Rebound, T: Tangential, W: Spin>(
     (slopes, count)
 }
 
-/// The sums of eqs. (2.13)-(2.15), contact by contact.
+/// Acceleration and angular acceleration of body `i`, eqs. (2.13)-(2.15), summed contact by contact.
 fn expected<R: Rebound, T: Tangential, W: Spin>(
     law: &Law<R, T>,
     bodies: &[Motion<W>],
@@ -125,7 +125,7 @@ fn check<R: Rebound, T: Tangential, W: Spin>(law: Law<R, T>) {
             assert!(found == reference, "other bits: {}, {blocks} blocks", set.name());
         }
     }
-    // The baseline has no fused operations, all others have.
+    // The baseline has no fused multiply-add, all other sets have it.
     let fused = InstructionSet::available().split_off(1);
     let bits = |&set: &InstructionSet| slopes(&law, &bodies, &lists, set);
     assert!(fused.windows(2).all(|sets| bits(&sets[0]) == bits(&sets[1])));
@@ -161,7 +161,7 @@ fn measured<W: Spin>(
     (sums, maxima, bodies)
 }
 
-/// The same numbers, contact by contact, over all pairs of bodies and all walls.
+/// Checks the sums and maxima of a measure, with any instruction set and number of blocks.
 fn check_measure<W: Spin>(numbers: &impl Measure<W>) {
     for set in InstructionSet::available() {
         let (sums, maxima, bodies) = measured(set, 1, numbers);
@@ -176,7 +176,7 @@ fn check_measure<W: Spin>(numbers: &impl Measure<W>) {
     assert!(fused.windows(2).all(|sets| bits(&sets[0]) == bits(&sets[1])));
 }
 
-/// The sums and maxima, contact by contact.
+/// Checks sums and maxima against a loop over all pairs of bodies and all walls, contact by contact.
 fn check_sums<W: Spin>(bodies: &[Motion<W>], sums: [i128; 2], maxima: [f64; 2], numbers: &impl Measure<W>) {
     let (mut expected, mut largest) = ([0.0; 2], [0.0f64; 2]);
     let mut add = |terms: [f64; 2]| {

@@ -1,39 +1,39 @@
-//! Where everything is in a checkpoint file. All numbers are little-endian.
+//! The layout of a checkpoint file. All numbers are little-endian.
 
 use super::{FORMAT, Header};
 use std::ops::Range;
 
 /// The first bytes of every checkpoint.
 pub const MARK: [u8; 16] = *b"demhybrid-state\n";
-/// Bytes before the header: mark, format, checksum of the header, its length, number of parts.
+/// Length of the preamble, bytes: mark, format, checksum and length of the header, number of parts.
 pub const PREAMBLE: u64 = 16 + 4 + 4 + 8 + 8;
-/// Bytes of one line of the table of parts: first id, rows, checksum.
+/// Length of one row in the table of parts, bytes: first id, number of rows, checksum.
 pub const PART: u64 = 8 + 8 + 4;
-/// Longest header, bytes: a scene is a text that people write.
+/// Longest header that is read, bytes. The scene in it is a text that people write.
 pub const LONGEST_HEADER: u64 = 16 << 20;
-/// Bytes that are read or written at once.
+/// Bytes that one call reads or writes, about.
 pub const PIECE: usize = 1 << 20;
 
-/// Numbers of one state.
+/// How many numbers the state of one particle has.
 pub fn width(rotation: bool) -> u64 {
     if rotation { 9 } else { 6 }
 }
 
-/// Where the columns of a file are.
+/// The position of every column in a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layout {
-    /// Bytes of the encoded header.
+    /// Length of the encoded header, bytes.
     pub header: u64,
-    /// Particles.
+    /// Number of particles.
     pub count: u64,
-    /// Numbers of one row of the columns state, origin, slope and direction; 0 where there is none.
+    /// Numbers in one row of the columns state, origin, slope and direction; 0 if a column is missing.
     pub widths: [u64; 4],
-    /// Blocks of rows with a checksum each.
+    /// Number of parts. A part is a block of rows with one checksum.
     pub parts: u64,
 }
 
 impl Layout {
-    /// Of a file with this header, `header` bytes long.
+    /// Layout of a file with the header `of`, which takes `header` bytes when it is encoded.
     pub fn new(of: &Header, header: u64, parts: u64) -> Self {
         let state = width(of.rotation);
         let known = |known: bool| if known { state } else { 0 };
@@ -41,7 +41,7 @@ impl Layout {
         Layout { header, count: of.count, widths, parts }
     }
 
-    /// Bytes that the rows `rows` of column `k` take, and where.
+    /// Range of bytes that the rows `rows` of column `k` take.
     pub fn place(&self, k: usize, rows: &Range<u64>) -> Range<u64> {
         let before: u64 = self.widths[..k].iter().sum();
         let start = PREAMBLE + self.header + 8 * before * self.count;
@@ -49,18 +49,18 @@ impl Layout {
         start + row * rows.start..start + row * rows.end
     }
 
-    /// Where the table of parts is.
+    /// Position of the table of parts, bytes from the start of the file.
     pub fn table(&self) -> u64 {
         self.place(self.widths.len() - 1, &(0..self.count)).end
     }
 
-    /// Bytes of the whole file: the table ends with its own checksum.
+    /// Length of the whole file, bytes. The last 4 bytes are the checksum of the table.
     pub fn length(&self) -> u64 {
         self.table() + PART * self.parts + 4
     }
 }
 
-/// What comes before the columns.
+/// The bytes before the columns: the preamble and the header.
 pub fn head(header: &[u8], parts: u64) -> Vec<u8> {
     let mut bytes = MARK.to_vec();
     bytes.extend(FORMAT.to_le_bytes());
@@ -71,7 +71,7 @@ pub fn head(header: &[u8], parts: u64) -> Vec<u8> {
     bytes
 }
 
-/// The table of parts: rows and checksum of each.
+/// The encoded table of parts: rows and checksum of every part, then the checksum of the table.
 pub fn table(parts: &[(Range<u64>, u32)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     for (rows, checksum) in parts {
@@ -83,12 +83,12 @@ pub fn table(parts: &[(Range<u64>, u32)]) -> Vec<u8> {
     bytes
 }
 
-/// The number that starts at byte `at`.
+/// The 64-bit number that starts at byte `at`.
 pub fn word(bytes: &[u8], at: usize) -> u64 {
     u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight bytes"))
 }
 
-/// The short number that starts at byte `at`.
+/// The 32-bit number that starts at byte `at`.
 pub fn half(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes"))
 }

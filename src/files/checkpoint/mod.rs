@@ -1,9 +1,13 @@
-//! Checkpoints: what a run needs to go on later, in two files beside its output that take turns, so that a crash while one
-//! is written leaves the other.
+//! Checkpoints: the files from which a run that was stopped or killed goes on.
 //!
-//! One file is a head (`Header`, with a checksum), then columns of numbers in the order of the particles' ids, which every
-//! rank writes its block of, then a table with the checksum of every block. Nothing in it depends on the number of ranks
-//! but the table, and any number of ranks can read it. It is written under another name, brought to the disk, and renamed.
+//! A run writes its checkpoints to two files beside its output, in turn. If a crash interrupts the writing of
+//! one file, the other one is still whole.
+//!
+//! A file begins with the header ([`Header`]) and its checksum. Columns of numbers follow, in the order of
+//! particle ids; every rank writes its block of rows. A table with the checksum of every block ends the file.
+//!
+//! Only this table depends on the number of ranks, and any number of ranks can read the file. A new file is
+//! first written under a temporary name, then flushed to the disk, then renamed.
 
 mod file;
 mod read;
@@ -18,51 +22,51 @@ use std::path::{Path, PathBuf};
 pub use read::{look, read, verify};
 pub use write::write;
 
-/// Format of the files; another one cannot be read.
+/// Version of the file format. The program reads no other one.
 pub const FORMAT: u32 = 1;
 
-/// All of a checkpoint but the particles.
+/// Everything in a checkpoint except the particles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Header {
-    /// How many checkpoints this run has written, this one included.
+    /// Number of checkpoints that this run has written, including this one.
     pub serial: u64,
-    /// Version of the program.
+    /// Version of the program that wrote the checkpoint.
     pub version: String,
-    /// Vector instructions of the run.
+    /// Processor architecture and vector instructions of the run.
     pub instruction_set: String,
-    /// The scene as resolved, TOML.
+    /// The scene with every default filled in, TOML.
     pub scene: String,
-    /// Particles.
+    /// Number of particles.
     pub count: u64,
-    /// Whether particles have spins.
+    /// Whether the particles rotate, so that their states have angular velocities.
     pub rotation: bool,
-    /// Speed that errors of velocity are compared with, m/s.
+    /// Speed that scales errors of velocity, m/s.
     pub velocity_scale: f64,
     /// Wall time of the run so far, s.
     pub wall_seconds: f64,
-    /// What the frames so far told.
+    /// Summary of the frames so far.
     pub course: FrameSummary,
-    /// What the next step depends on.
+    /// What the next step depends on beside the particles.
     pub memory: Memory,
 }
 
-/// The two files of the run that writes to `output`.
+/// Paths of the two checkpoint files of the run that writes to `output`.
 pub fn slots(output: &Path) -> [PathBuf; 2] {
     ["ckpt-a", "ckpt-b"].map(|ending| beside(output, ending))
 }
 
-/// The file whose existence stops the run that writes to `output`.
+/// Path of the stop file: if it exists, the run that writes to `output` stops.
 pub fn stop_file(output: &Path) -> PathBuf {
     beside(output, "stop")
 }
 
-/// The slot that the checkpoint of this `serial` number goes to.
+/// Path of the checkpoint number `serial`: an odd one goes to the first file, an even one to the second.
 pub fn slot(output: &Path, serial: u64) -> PathBuf {
     let [a, b] = slots(output);
     if serial % 2 == 1 { a } else { b }
 }
 
-/// `output` with another ending after its own.
+/// The path `output` with a dot and `ending` appended.
 fn beside(output: &Path, ending: &str) -> PathBuf {
     let mut name = output.as_os_str().to_owned();
     name.push(".");
@@ -70,7 +74,9 @@ fn beside(output: &Path, ending: &str) -> PathBuf {
     name.into()
 }
 
-/// Removes what an earlier run left, so that nobody takes it for this one's. Whatever cannot be removed stays.
+/// Removes checkpoints and the stop file of an earlier run, so that nobody takes them for files of this run.
+///
+/// What cannot be removed stays, without an error.
 pub fn clear(output: &Path) {
     for slot in slots(output) {
         let _ = std::fs::remove_file(beside(&slot, "tmp"));
@@ -79,9 +85,9 @@ pub fn clear(output: &Path) {
     let _ = std::fs::remove_file(stop_file(output));
 }
 
-/// Bytes of one checkpoint of `count` particles, with or without spins, at most.
+/// Upper bound of the size of one checkpoint of `count` particles, bytes.
 pub fn bytes(count: u64, rotation: bool) -> u64 {
     let numbers = 3 + 3 * file::width(rotation);
-    // Head and table.
+    // 64 KiB for the header and the table.
     (1 << 16) + count.saturating_mul(8 * numbers)
 }

@@ -1,4 +1,4 @@
-//! Reading checkpoints: which of the two is the one to go on from, and its particles.
+//! Reads checkpoints: checks whether a file is usable, and reads its particles.
 
 use super::file::{self, LONGEST_HEADER, Layout, MARK, PART, PIECE, PREAMBLE};
 use super::{FORMAT, Header};
@@ -15,9 +15,11 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-/// What is in `path`, as far as its head and its length tell; or what is wrong with it. None if there is no such file.
+/// The header of the checkpoint `path`, or what is wrong with the file; none if there is no such file.
+///
+/// Checks the header and the length of the file. [`verify`] checks the rest.
 pub fn look(path: &Path) -> Option<Result<Header, String>> {
-    // Only a file can be one: whoever opens a pipe waits.
+    // Only a regular file can be a checkpoint. Opening a pipe would block.
     let opened = fs::metadata(path).and_then(|found| match found.is_file() {
         true => File::open(path),
         false => Err(io::Error::other("it is not a regular file")),
@@ -29,14 +31,16 @@ pub fn look(path: &Path) -> Option<Result<Header, String>> {
     }
 }
 
-/// Holds every part of `path` against its checksum; the answer is the same on every rank. Collective.
+/// Compares every part of `path` with its checksum. Collective.
+///
+/// The ranks share out the parts. If one rank finds a fault, all ranks return an error.
 pub fn verify(comm: &dyn Comm, path: &Path) -> Result<(), String> {
     let own = || {
         let file = File::open(path).map_err(|why| why.to_string())?;
         let (_, layout) = head(&file)?;
         wrong_part(&file, &layout, comm.rank(), comm.size())
     };
-    // A part, or what is not even one.
+    // The rows of a part that is wrong, or why this rank cannot check its parts.
     let found: Result<Option<Range<u64>>, String> = own();
     let mark = match &found {
         Ok(None) => f64::NEG_INFINITY,
@@ -55,7 +59,9 @@ pub fn verify(comm: &dyn Comm, path: &Path) -> Result<(), String> {
     }
 }
 
-/// The checkpoint in `path`, which has been verified; a block of ids on every rank. Collective.
+/// Reads the checkpoint `path`, which [`verify`] has accepted. Collective.
+///
+/// Returns the header and the particles of this rank's block of ids.
 pub fn read<W: Spin>(comm: &dyn Comm, path: &Path) -> Result<(Header, Remembered<W>), Error> {
     let read = || {
         let file = File::open(path).map_err(|why| why.to_string())?;
@@ -74,14 +80,14 @@ pub fn read<W: Spin>(comm: &dyn Comm, path: &Path) -> Result<(Header, Remembered
     agree(comm, read().map_err(|why: String| Error::Input(complaint(path, &why))))
 }
 
-/// Ranks that may have written a file.
+/// Largest number of parts that a file may have: every rank that wrote it wrote one part.
 const MOST_PARTS: u64 = 1 << 20;
 
 fn complaint(path: &Path, why: &str) -> String {
     format!("{} is not a checkpoint that can be used: {why}", path.display())
 }
 
-/// Reads and checks the head of a file, and its length.
+/// Reads and checks the header of a file, and checks the length of the file.
 fn head(file: &File) -> Result<(Header, Layout), String> {
     let there = file.metadata().map_err(|why| why.to_string())?.len();
     let mut preamble = [0; PREAMBLE as usize];
@@ -104,7 +110,7 @@ fn head(file: &File) -> Result<(Header, Layout), String> {
     }
     let header: Header =
         postcard::from_bytes(&encoded).map_err(|why| format!("its head is not readable: {why}"))?;
-    // So many bytes at least; beyond, sums could overflow.
+    // Every particle takes at least 48 bytes. With a larger count, the sums below could overflow.
     if header.count > there / 48 || parts > (there / PART).min(MOST_PARTS) {
         return Err(format!("it is cut off: {} particles in a file of {there} bytes", header.count));
     }
@@ -115,7 +121,9 @@ fn head(file: &File) -> Result<(Header, Layout), String> {
     Ok((header, layout))
 }
 
-/// The rows of the first part that does not match its checksum, of those of this rank: the ranks take turns.
+/// The rows of the first part that does not match its checksum, among the parts that this rank checks.
+///
+/// Rank `rank` checks every `size`-th part.
 fn wrong_part(file: &File, layout: &Layout, rank: usize, size: usize) -> Result<Option<Range<u64>>, String> {
     let mut table = vec![0; (layout.length() - layout.table()) as usize];
     file.read_exact_at(&mut table, layout.table()).map_err(|why| why.to_string())?;
@@ -138,7 +146,7 @@ fn wrong_part(file: &File, layout: &Layout, rank: usize, size: usize) -> Result<
     if next == layout.count { Ok(wrong) } else { Err(format!("its parts end at particle {next}")) }
 }
 
-/// The checksum of some rows of all columns.
+/// The checksum of the rows `rows` in all columns.
 fn sum(file: &File, layout: &Layout, rows: &Range<u64>) -> io::Result<u32> {
     let (mut hasher, mut piece) = (Hasher::new(), Vec::new());
     for k in 0..layout.widths.len() {
@@ -153,7 +161,9 @@ fn sum(file: &File, layout: &Layout, rows: &Range<u64>) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
-/// The rows of column `k`; empty where it has none. A column of positions gives bodies at rest.
+/// Reads the rows `rows` of column `k`; empty if the file has no such column.
+///
+/// A column of positions gives bodies at rest.
 fn states<W: Spin>(file: &File, layout: &Layout, k: usize, rows: &Range<u64>) -> io::Result<Vec<Motion<W>>> {
     let width = layout.widths[k] as usize;
     if width == 0 {

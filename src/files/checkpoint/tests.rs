@@ -1,5 +1,4 @@
-//! A run that is stopped, written, read and taken up again by other ranks must end with the same bits, and a file that is
-//! not sound must be refused.
+//! A run that is stopped, saved and resumed on other ranks ends with the same bits. A broken file is refused.
 
 use super::{Header, bytes, look, read, slot, slots, verify, write};
 use crate::domain::comm::team::team;
@@ -37,11 +36,11 @@ fn start(scene: &Scene) -> InitialCondition {
     initial_condition::grid(scene, scene.particles.grid.as_ref().unwrap())
 }
 
-/// All frames of a run: time, bits of all states by id, and what else a frame tells.
+/// The frames of a run: bits of the time, bits of states by id, counts, and bits of further measures.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Film(Vec<(u64, Vec<u64>, Counts, [u64; 5])>);
 
-/// What a run does beside computing.
+/// Observer that collects frames and writes checkpoints.
 struct Camera<'a> {
     film: Film,
     comm: &'a dyn Comm,
@@ -57,7 +56,8 @@ impl<W: Spin> Observer<W> for Camera<'_> {
             body.pack(&mut numbers);
             numbers
         };
-        // Every rank has a block: only what rank 0 has is compared, with as many particles on it as ranks allow.
+        // Every rank has another block. So only the first 15 particles are compared. On up to 4 ranks, rank 0
+        // has them.
         let mut bits: Vec<u64> = frame.rows.map(numbers).into_iter().flatten().map(f64::to_bits).collect();
         bits.truncate(9 * 15);
         let measures = [
@@ -88,7 +88,9 @@ impl<W: Spin> Observer<W> for Camera<'_> {
     }
 }
 
-/// Runs a scene on one rank from its start or its checkpoint, until the trial `stop`; returns its frames.
+/// Runs a scene on this rank, from the start or, if `resumes`, from the checkpoint; returns its frames.
+///
+/// A stop is requested from trial step number `stop` on.
 struct Part<'a> {
     scene: &'a Scene,
     comm: &'a dyn Comm,
@@ -125,7 +127,7 @@ impl Task for Part<'_> {
     }
 }
 
-/// A part of a run on so many ranks; the frames as rank 0 sees them.
+/// Does a part of a run on `ranks` ranks; returns the frames of rank 0.
 fn part(scene: &Scene, ranks: usize, path: &Path, resumes: bool, stop: u64) -> Film {
     let film = Mutex::new(Film::default());
     let run = |comm: &dyn Comm| {
@@ -160,7 +162,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits_with_every_method_on_any_rank
         let whole = part(&scene, 1, &path, false, u64::MAX);
         let last = whole.0.last().unwrap().2;
         let trials = last.accepted + last.rejected + last.outrun;
-        // In free flight, in the impacts, and near the end.
+        // A stop in free flight, a stop during the impacts, and a stop near the end.
         for (stop, ranks) in [(2, 1), (trials / 3, 2), (trials - 3, 3)] {
             let mut film = part(&scene, ranks, &path, false, stop.max(1));
             for ranks in [1, 2, 3] {
@@ -195,7 +197,7 @@ fn a_run_that_looks_out_for_rest_is_the_same_until_it_ends_and_so_is_its_second_
     let watched = part(&watchful, 2, &path, false, u64::MAX);
     let seen = |film: &Film| film.0.iter().map(|frame| (frame.0, frame.1.clone())).collect::<Vec<_>>();
     assert_eq!(seen(&watched), seen(&plain));
-    // It may end on the way, and after a stop on the way it ends there too.
+    // The run may end early, at rest. If it is stopped before that and resumed, it ends at the same time.
     let stops = scene(&[FRICTION, "stop={ unbalanced_force = 0.5, window = 0.02 }"]);
     let whole = part(&stops, 1, &path, false, u64::MAX);
     let end = f64::from_bits(whole.0.last().unwrap().0);
@@ -204,7 +206,7 @@ fn a_run_that_looks_out_for_rest_is_the_same_until_it_ends_and_so_is_its_second_
     assert!(film.0.len() < whole.0.len());
     film.0.extend(part(&stops, 2, &path, true, u64::MAX).0);
     assert_eq!(film, whole);
-    // The checkpoint of the end leads to the same end again.
+    // A run that is resumed from the checkpoint at its end comes to the same end again.
     let saves =
         scene(&[FRICTION, "stop={ unbalanced_force = 0.5, window = 0.02 }", "checkpoint.interval=100"]);
     assert_eq!(part(&saves, 2, &path, false, u64::MAX), whole);
@@ -222,7 +224,7 @@ fn a_run_may_be_stopped_again_and_again() {
     let mut film = part(&scene, 1, &path, false, 5);
     let mut stops = 0;
     while film.0.len() < whole.0.len() {
-        // One trial repeats the last step before the stop, the others are new.
+        // One trial step repeats the last step before the stop. The others are new.
         film.0.extend(part(&scene, 1 + stops % 3, &path, true, 40 + stops as u64).0);
         stops += 1;
         if stops > 20 && film.0.len() < whole.0.len() {
@@ -232,7 +234,7 @@ fn a_run_may_be_stopped_again_and_again() {
     assert_eq!(film, whole);
 }
 
-/// A sound file in a folder of its own, written by two ranks.
+/// An intact checkpoint in a temporary folder, written by two ranks.
 fn sound() -> (TempDir, PathBuf) {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("a");
@@ -255,7 +257,7 @@ fn a_byte_that_is_wrong_anywhere_is_found() {
     assert_eq!(refusal(&path), None);
     let whole = fs::read(&path).unwrap();
     assert!(whole.len() as u64 <= bytes(60, true));
-    // Every byte of head and table, and some between.
+    // Every byte of the header and the table, and some bytes between.
     let near_an_end = |at: &usize| *at < 2000 || at + 100 > whole.len() || at.is_multiple_of(97);
     let mut tried = 0;
     for at in (0..whole.len()).filter(near_an_end) {
@@ -296,7 +298,7 @@ fn a_file_that_is_cut_off_or_foreign_is_refused() {
 fn every_rank_learns_of_the_part_that_is_wrong() {
     let (_folder, path) = sound();
     let mut wrong = fs::read(&path).unwrap();
-    // A number of the last particle: in the second of two parts, which rank 1 looks at.
+    // A number of the last particle: it is in the second of two parts, which rank 1 checks.
     let at = wrong.len() - 2 * 20 - 4 - 8;
     wrong[at] ^= 1;
     fs::write(&path, wrong).unwrap();

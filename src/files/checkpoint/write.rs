@@ -1,4 +1,4 @@
-//! Writing a checkpoint: every rank its block of rows, rank 0 the rest.
+//! Writes checkpoints: every rank writes its block of rows, and rank 0 writes the rest.
 
 use super::file::{self, Layout, PIECE};
 use super::{Header, beside};
@@ -16,8 +16,10 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::Path;
 
-/// Writes the run that `header` and `snapshot` describe to `path`, which is the same on every rank. The file appears there
-/// when it is complete and on the disk, and replaces the one that was there before. Collective.
+/// Writes the run that `header` and `snapshot` describe to `path`. Collective.
+///
+/// `path` is the same on every rank. The file gets this name only when it is complete and on the disk. Then
+/// it replaces the earlier file.
 pub fn write<W: Spin>(
     comm: &dyn Comm,
     path: &Path,
@@ -32,7 +34,7 @@ pub fn write<W: Spin>(
     let created = agree(comm, created.map_err(|why| failure(path, &why)));
     let written = created.and_then(|()| fill(comm, path, &unfinished, &layout, snapshot));
     if written.is_err() && comm.rank() == 0 {
-        // If that fails as well, the next checkpoint replaces it.
+        // If the removal fails too, the next checkpoint overwrites the file.
         let _ = fs::remove_file(&unfinished);
     }
     written
@@ -42,7 +44,7 @@ fn failure(path: &Path, why: &io::Error) -> Error {
     Error::Checkpoint { file: path.display().to_string(), why: why.to_string() }
 }
 
-/// Writes what comes after the head, and gives the file its name. Collective.
+/// Writes everything after the header, and gives the file its name. Collective.
 fn fill<W: Spin>(
     comm: &dyn Comm,
     path: &Path,
@@ -66,7 +68,7 @@ fn fill<W: Spin>(
     agree(comm, finished.map_err(failure))
 }
 
-/// The unfinished file with its head, at its full length.
+/// Creates the unfinished file with its full length, and writes the header.
 fn create(path: &Path, header: &[u8], layout: &Layout) -> io::Result<()> {
     let file = File::create(path)?;
     file.set_len(layout.length())?;
@@ -74,22 +76,23 @@ fn create(path: &Path, header: &[u8], layout: &Layout) -> io::Result<()> {
     Ok(())
 }
 
-/// Adds the table and gives the file its name.
+/// Writes the table, flushes the file to the disk and gives it its name.
 fn finish(unfinished: &Path, path: &Path, layout: &Layout, table: &[u8]) -> io::Result<()> {
     fail::fail_point!("checkpoint", |_| Err(io::Error::other("a fail point")));
     let file = File::options().write(true).open(unfinished)?;
     file.write_all_at(table, layout.table())?;
     file.sync_all()?;
     fs::rename(unfinished, path)?;
-    // The name is on the disk when its folder is. Some file systems know no such thing.
+    // The name is on the disk only when the folder is. Some file systems cannot flush folders: ignore errors.
     if let Some(folder) = path.parent().and_then(|folder| File::open(folder).ok()) {
         let _ = folder.sync_all();
     }
     Ok(())
 }
 
-/// Writes this rank's rows of all columns, which are on the disk at the end; returns their checksum. Collective, also
-/// where the file fails this rank.
+/// Writes this rank's rows of all columns to the disk, and returns their checksum. Collective.
+///
+/// A rank that cannot write to the file still takes part in every collective call.
 fn write_block<W: Spin>(
     comm: &dyn Comm,
     path: &Path,
@@ -117,7 +120,7 @@ fn write_block<W: Spin>(
     Ok(hasher.finalize())
 }
 
-/// Writes the first `width` numbers of every state from byte `start` on.
+/// Writes the first `width` numbers of every state, from byte `start` on, and adds them to the checksum.
 fn write_rows<W: Spin>(
     file: &File,
     start: u64,

@@ -1,7 +1,7 @@
-//! The one place that talks to HDF5 below its Rust interface: writes in which all ranks take part at once.
+//! Calls to HDF5 below its Rust interface, above all collective writes, in which all ranks take part at once.
 //!
-//! The safe interface can only write rank by rank. Everything unsafe of the output is in this file, and all of it
-//! has the same reason: functions of the C library that the crate does not wrap.
+//! The safe interface can only write rank by rank. All `unsafe` code of the output is here and in mpio.rs,
+//! and has one reason: it calls functions of the C library that the crate does not wrap.
 #![allow(unsafe_code)]
 
 use std::ffi::{c_int, c_void};
@@ -16,13 +16,14 @@ use hdf5_sys::h5s::{H5S_seloper_t, H5Sselect_hyperslab, H5Sselect_none};
 use super::mpio;
 use crate::domain::world::Communicator;
 
-// Not in hdf5-metno-sys; since HDF5 1.10.2.
+// hdf5-metno-sys does not declare this function, which exists since HDF5 1.10.2.
 unsafe extern "C" {
     fn H5Fincrement_filesize(file: hid_t, bytes: u64) -> c_int;
 }
 
-/// Has new parts of `file`, open through the serial driver, begin `bytes` behind its end on the disk, wherever it takes its
-/// own end to be.
+/// Makes HDF5 put new data of `file` at least `bytes` beyond the end of the file on the disk.
+///
+/// The end that HDF5 itself assumes may come earlier. The file must be open through the serial driver.
 pub fn begin_behind_the_end(file: &File, bytes: u64) -> Result<()> {
     hdf5::sync::sync(|| {
         // SAFETY: the file is open for writing; the call only moves the end of what is allocated.
@@ -31,14 +32,14 @@ pub fn begin_behind_the_end(file: &File, bytes: u64) -> Result<()> {
     Ok(())
 }
 
-/// What one row of a dataset is made of: one number or a few.
+/// One row of a dataset: one number or a few.
 ///
 /// # Safety
 /// A value must be exactly as many `Number`s as the product of `SHAPE`, in C order and without padding.
 pub unsafe trait Row: Copy {
-    /// The number in memory and in the file.
+    /// Type of the numbers, in memory and in the file.
     type Number: H5Type;
-    /// Shape of the dataset beyond its rows: empty for one number.
+    /// Shape of one row; empty for a single number.
     const SHAPE: &'static [usize];
 }
 
@@ -66,7 +67,7 @@ unsafe impl<const W: usize> Row for [i64; W] {
     const SHAPE: &'static [usize] = &[W];
 }
 
-/// How rows travel from memory to the file: through all ranks together, or through one of them alone.
+/// How rows are written to the file: by all ranks together, or by one rank alone.
 pub struct Transfer {
     together: PropertyList,
     alone: PropertyList,
@@ -74,7 +75,9 @@ pub struct Transfer {
 }
 
 impl Transfer {
-    /// `communicator`: of the ranks on which the file is open through MPI-IO. Without, both ways are the same plain write.
+    /// For a file that is open through MPI-IO on the ranks of `communicator`.
+    ///
+    /// Without a communicator, both ways to write are the same plain write.
     pub fn new(communicator: Option<Communicator>) -> Result<Self> {
         let (together, alone) = (transfer_list()?, transfer_list()?);
         if let Some(communicator) = communicator {
@@ -88,24 +91,28 @@ impl Transfer {
         self.communicator.is_some()
     }
 
-    /// Collective. Writes this rank's `rows`, possibly none, to `dataset` from row `first` on. The dataset must
-    /// already be long enough.
+    /// Writes this rank's `rows`, possibly none, to `dataset` from row `first` on. Collective.
+    ///
+    /// The dataset must be long enough already.
     pub fn write_together<R: Row>(&self, dataset: &Dataset, first: u64, rows: &[R]) -> Result<()> {
         write(&self.together, dataset, first, rows)
     }
 
-    /// Writes `rows` to `dataset` from row `first` on. For small arrays that one rank holds; that rank alone calls it.
-    /// The space must have been allocated, which MPI-IO files do when a dataset is created or extended.
+    /// Writes `rows` to `dataset` from row `first` on. One rank alone calls this.
+    ///
+    /// It is for small arrays, which one rank holds. The space must be allocated already. MPI-IO files
+    /// allocate it when a dataset is created or extended.
     pub fn write_alone<R: Row>(&self, dataset: &Dataset, first: u64, rows: &[R]) -> Result<()> {
         write(&self.alone, dataset, first, rows)
     }
 
-    /// Writes a text to a scalar dataset of fixed-length strings of `text.len()` bytes. One rank alone calls it.
+    /// Writes a text to a scalar dataset of fixed-length strings of `text.len()` bytes. One rank calls this.
     pub fn write_text(&self, dataset: &Dataset, text: &str) -> Result<()> {
         let (kind, space) = (dataset.dtype()?, dataset.space()?);
         debug_assert_eq!(kind.size(), text.len(), "the string type holds the text exactly");
         hdf5::sync::sync(|| {
-            // SAFETY: memory and file type are the same string type of `text.len()` bytes, and the space has one element.
+            // SAFETY: memory and file type are the same string type of `text.len()` bytes, and the space has
+            // one element.
             h5check(unsafe {
                 H5Dwrite(
                     dataset.id(),
@@ -120,7 +127,7 @@ impl Transfer {
         Ok(())
     }
 
-    /// How HDF5 really made the last `write_together`: it may fall back to independent writes without an error.
+    /// How HDF5 made the last `write_together`. It may fall back to independent writes without an error.
     pub fn report(&self) -> Result<String> {
         match self.communicator {
             None => Ok("serial".to_string()),
@@ -130,13 +137,13 @@ impl Transfer {
 }
 
 fn transfer_list() -> Result<PropertyList> {
-    // SAFETY: a fresh identifier that nobody else holds goes to the one owner that closes it.
+    // SAFETY: the identifier is new and nobody else holds it. It goes to the one owner that closes it.
     hdf5::sync::sync(|| unsafe { hdf5::from_id(h5check(H5Pcreate(*H5P_CLS_DATASET_XFER))?) })
 }
 
 fn write<R: Row>(list: &PropertyList, dataset: &Dataset, first: u64, rows: &[R]) -> Result<()> {
-    // The memory space has the shape of the block in the file: a flat one was 8 times slower. A rank without rows
-    // takes part with two empty selections, of one row that does not count.
+    // The memory space has the shape of the block in the file, because HDF5 is much slower with a flat one. A
+    // rank without rows takes part with two empty selections. Its memory space has one unselected row.
     let shape = |rows: usize| -> Vec<usize> { [&[rows.max(1)], R::SHAPE].concat() };
     let in_memory = Dataspace::try_new(shape(rows.len()))?;
     let in_file = dataset.space()?;
@@ -145,8 +152,9 @@ fn write<R: Row>(list: &PropertyList, dataset: &Dataset, first: u64, rows: &[R])
     start[0] = first;
     let block: Vec<u64> = shape(rows.len()).iter().map(|&n| n as u64).collect();
     debug_assert_eq!(in_file.ndim(), start.len(), "rows have the shape of the dataset");
-    // SAFETY: `start` and `block` have one entry per dimension; a null stride and block mean 1. The memory space holds
-    // exactly the numbers of `rows`, an array of `R::Number` without padding, or nothing is selected in it.
+    // SAFETY: `start` and `block` have one entry per dimension; a null stride and block mean 1. The memory
+    // space holds exactly the numbers of `rows`, an array of `R::Number` without padding, or nothing is
+    // selected in it.
     hdf5::sync::sync(|| unsafe {
         if rows.is_empty() {
             h5check(H5Sselect_none(in_memory.id()))?;

@@ -15,17 +15,18 @@ use super::{Measures, Quantity, Rows, RunInfo, mpio};
 use crate::domain::comm::Comm;
 use crate::ode::Limit;
 
-/// Rows that the small arrays, one row per frame, grow by on disk.
+/// Rows in a chunk of the small arrays, which have one row per frame.
 const FRAMES_PER_CHUNK: u64 = 1024;
-/// Longest scene text that is an attribute, bytes; a longer one becomes a dataset.
+/// Longest scene that is written as an attribute, bytes. A longer one becomes a dataset.
 const LONGEST_ATTRIBUTE: usize = 60 << 10;
-/// What HDF5 needs at most to find one more chunk, bytes: a few nodes of a tree.
+/// Upper bound of what HDF5 needs to index one more chunk, bytes: a few nodes of a tree.
 const INDEX_BYTES: u64 = 16 << 10;
-/// Bytes of one row of a vector quantity.
+/// Length of one row of a vector quantity, bytes.
 const VECTOR_BYTES: u64 = 24;
 
-/// The columns of `/run/series` that are reals.
+/// A column of real numbers: its name, and the measure that fills it.
 type RealColumn = (&'static str, fn(&Measures) -> f64);
+/// The columns of `/run/series` with real numbers.
 const REAL_COLUMNS: [RealColumn; 7] = [
     ("time", |m| m.time),
     ("step", |m| m.step),
@@ -36,11 +37,11 @@ const REAL_COLUMNS: [RealColumn; 7] = [
     ("wall_seconds", |m| m.wall_seconds),
 ];
 
-/// The columns of `/run/series` that are there only if dissipated energy is to be written.
+/// The columns of `/run/series` that exist only if the dissipated energy is written.
 const ENERGY_COLUMNS: [RealColumn; 2] =
     [("dissipated_rebound", |m| m.dissipated[0]), ("dissipated_friction", |m| m.dissipated[1])];
 
-/// The reals that are attributes of `/run`, as of the last frame.
+/// The real numbers of the last frame that are attributes of `/run`.
 const REAL_ATTRIBUTES: [RealColumn; 6] = [
     ("wall_seconds", |m| m.wall_seconds),
     ("seconds_forces", |m| m.seconds.forces),
@@ -50,8 +51,9 @@ const REAL_ATTRIBUTES: [RealColumn; 6] = [
     ("seconds_output", |m| m.seconds.output),
 ];
 
-/// The columns of `/run/series` that are counts.
+/// A column of counts: its name, and the measure that fills it.
 type CountColumn = (&'static str, fn(&Measures) -> u64);
+/// The columns of `/run/series` with counts.
 const COUNT_COLUMNS: [CountColumn; 6] = [
     ("steps_accepted", |m| m.steps_accepted),
     ("steps_rejected", |m| m.steps_rejected),
@@ -61,7 +63,7 @@ const COUNT_COLUMNS: [CountColumn; 6] = [
     ("lists_built", |m| m.lists_built),
 ];
 
-/// The counts that are attributes of `/run` as well, as of the last frame, beside those of the limits.
+/// The counts of the last frame that are attributes of `/run`. [`limit_attribute`] names further ones.
 const COUNT_ATTRIBUTES: [CountColumn; 7] = [
     ("steps_accepted", |m| m.steps_accepted),
     ("steps_rejected", |m| m.steps_rejected),
@@ -72,12 +74,12 @@ const COUNT_ATTRIBUTES: [CountColumn; 7] = [
     ("forced_accepts", |m| m.forced_accepts),
 ];
 
-/// The attribute of `/run` that counts the accepted steps whose size `limit` decided.
+/// Name of the attribute of `/run` that counts the accepted steps whose size `limit` decided.
 fn limit_attribute(limit: Limit) -> String {
     format!("limited_by_{}", limit.name())
 }
 
-/// A bookkeeping array of VTKHDF, one row per frame: `first + k * stride` in row k.
+/// An array that VTKHDF needs to find the data of a frame. Row k, for frame k, is `first + k * stride`.
 struct Schedule {
     array: Dataset,
     first: i64,
@@ -90,7 +92,7 @@ struct Column<N> {
     measure: fn(&Measures) -> N,
 }
 
-/// The open file. Fields are closed in this order: arrays, groups, file.
+/// The open file. Rust drops the fields in this order: arrays, groups, file.
 pub struct Frames {
     position: Dataset,
     velocity: Dataset,
@@ -98,27 +100,27 @@ pub struct Frames {
     /// `NumberOfPoints`.
     sizes: Dataset,
     schedules: Vec<Schedule>,
-    /// Where a frame's cells start, for VTK's four kinds of cells: always 0, all frames share them.
+    /// Offsets of a frame's cells, for VTK's four kinds of cells. All are 0: frames share their cells.
     cell_offsets: Vec<Dataset>,
     real_columns: Vec<Column<f64>>,
     count_columns: Vec<Column<u64>>,
-    /// `Steps/Values`, s: never longer than `NSteps` says, or VTK's reader crashes.
+    /// `Steps/Values`, s. It must never be longer than `NSteps` says, or VTK's reader crashes.
     times: Dataset,
     steps: Group,
     run: Group,
     transfer: Transfer,
     file: File,
     path: PathBuf,
-    /// Particles, the rows of a frame.
+    /// Number of particles, which is the number of rows of a frame.
     count: u64,
-    /// T, complete frames in the file.
+    /// Number of complete frames in the file.
     complete: u64,
     /// Whether this rank writes the small arrays.
     writes_small: bool,
 }
 
 impl Frames {
-    /// Creates the file with no frames. `info` is the same on every rank. Collective.
+    /// Creates the file without frames. `info` is the same on every rank. Collective.
     pub fn create(
         comm: &dyn Comm,
         path: &Path,
@@ -129,7 +131,7 @@ impl Frames {
         id_rows: Range<u64>,
     ) -> Result<Self> {
         let file = options(comm)?.create(path)?;
-        // Closing the file is collective: should the next lines fail, this second handle keeps it open for ever.
+        // Closing the file is collective. If this rank fails below, the second handle keeps the file open.
         let keep_open = file.clone();
         let created = Self::lay_out(comm, (file, path), &Ground::New(info), count, rotation);
         created.and_then(|frames| frames.write_static(comm, radius, id_rows).map(|()| frames)).inspect_err(
@@ -139,8 +141,9 @@ impl Frames {
         )
     }
 
-    /// Opens the file of an earlier process, in which `complete` frames stand and nothing of later ones
-    /// ([`reopen::prepare`](super::reopen::prepare)). Collective.
+    /// Opens the file of an earlier process. Collective.
+    ///
+    /// [`reopen::prepare`](super::reopen::prepare) must have cut it to `complete` frames.
     pub fn open(
         comm: &dyn Comm,
         path: &Path,
@@ -185,7 +188,7 @@ impl Frames {
             Ok(())
         };
         for name in ["Vertices", "Lines", "Polygons", "Strips"] {
-            // Every particle is a vertex; the other kinds of cells must be there and are empty.
+            // Every particle is a vertex. The other kinds of cells must exist and are empty.
             let cells = ground.group(&root, name)?;
             let shown = if name == "Vertices" { n } else { 0 };
             schedule(&cells, "NumberOfCells", shown, 0)?;
@@ -194,7 +197,7 @@ impl Frames {
         schedule(&steps, "PartOffsets", 0, 1)?;
         schedule(&steps, "NumberOfParts", 1, 0)?;
         schedule(&steps, "PointOffsets", 0, n)?;
-        // Every point array needs its offsets, also one that all frames share: ParaView crashed without.
+        // Every point array needs offsets, even one that all frames share. Without them ParaView crashes.
         schedule(&offsets, "id", 0, 0)?;
         schedule(&offsets, "radius", 0, 0)?;
         schedule(&offsets, "velocity", 0, n)?;
@@ -248,7 +251,7 @@ impl Frames {
         })
     }
 
-    /// The arrays that all frames share: ids, radii, and a vertex for every particle. Collective.
+    /// Writes the arrays that all frames share: ids, radii, and one vertex per particle. Collective.
     fn write_static(&self, comm: &dyn Comm, radius: f64, id_rows: Range<u64>) -> Result<()> {
         let root = self.file.group("VTKHDF")?;
         let point_data = &root.group("PointData")?;
@@ -262,7 +265,7 @@ impl Frames {
         self.transfer.write_together(&fixed::<f64>(point_data, "radius", self.count)?, first, &radii)?;
         let vertices = root.group("Vertices")?;
         together(&vertices, "Connectivity", self.count, &ids)?;
-        // One more offset than vertices: the last rank, whose block ends with the last particle, adds it.
+        // There is one offset more than vertices. The last rank adds it, because its block ends the ids.
         let end = id_rows.end + u64::from(comm.rank() + 1 == comm.size());
         let bounds: Vec<i64> = (first..end).map(|id| id as i64).collect();
         together(&vertices, "Offsets", self.count + 1, &bounds)?;
@@ -275,19 +278,19 @@ impl Frames {
         self.flush(0)
     }
 
-    /// Adds one frame; returns how its rows travelled. Collective.
+    /// Adds one frame; returns how HDF5 wrote its rows. Collective.
     pub fn append(&mut self, rows: &Rows, measures: &Measures) -> Result<String> {
         let k = self.complete;
-        // All data first. Arrays grow here and never shrink: shrinking inside a chunk, on several ranks, breaks the
-        // bookkeeping of HDF5 1.10 (tried).
+        // All data come first. Arrays grow here and never shrink: if several ranks shrink an array within a
+        // chunk, HDF5 1.10 corrupts its bookkeeping.
         self.write_vectors(&self.position, k, rows, Quantity::Position)?;
         self.write_vectors(&self.velocity, k, rows, Quantity::Velocity)?;
         if let Some(array) = &self.angular_velocity {
             self.write_vectors(array, k, rows, Quantity::AngularVelocity)?;
         }
         let transfer = self.transfer.report()?;
-        // VTK takes a file of one frame for one without time, and all rows of `NumberOfPoints` for its parts. So the
-        // second row has to wait for `NSteps`; it is the only one that must.
+        // While `NSteps` is 1, VTK treats the file as static and takes the rows of `NumberOfPoints` for
+        // parts. So the second row must wait for `NSteps` = 2. No other row has to wait.
         let second = k == 1;
         if !second {
             self.put(&self.sizes, k, self.count as i64)?;
@@ -306,7 +309,7 @@ impl Frames {
         }
         self.flush(self.growth(k))?;
 
-        // Only then the frame is said to be there.
+        // Only now do the time and `NSteps` declare the frame complete.
         if second {
             self.put(&self.sizes, k, self.count as i64)?;
         }
@@ -318,35 +321,37 @@ impl Frames {
         Ok(transfer)
     }
 
-    /// Final attributes. Collective.
+    /// Writes the final attributes. Collective.
     pub fn complete(&mut self, measures: &Measures, choice: &str) -> Result<()> {
         self.count_up(measures)?;
-        // Known only now, and as long as it likes: a new attribute, which may make the file longer.
+        // The text is known only now, and so is its length. It is a new attribute and may lengthen the file.
         set_new_text(&self.run, "choice", choice)?;
         self.flush(choice.len() as u64 + INDEX_BYTES)?;
         set(&self.run, "completed", 1_i64)?;
         self.flush(0)
     }
 
-    /// What stopped the run before its end. Collective.
+    /// Writes what stopped the run before its end. Collective.
     pub fn stopped(&mut self, by: &str) -> Result<()> {
         set_new_text(&self.run, "stopped_by", by)?;
         self.flush(by.len() as u64 + INDEX_BYTES)
     }
 
-    /// Closes everything, and the file last. Collective.
+    /// Closes everything, the file last. Collective.
     pub fn close(self) -> Result<()> {
-        // A second handle, because all others must be gone before the file is closed.
+        // A second handle of the file: all arrays and groups must be closed before the file is.
         let file = self.file.clone();
         drop(self);
         file.close()
     }
 
-    /// Brings everything written so far to the disk; the file may have grown by `growth` bytes. Collective.
+    /// Flushes everything written so far to the disk. The file may have grown by `growth` bytes. Collective.
     ///
-    /// HDF5 writes the new length into the head of the file before it makes the file so long, and a file shorter than
-    /// its head says cannot be opened: a kill between the two lost everything (tried). So the file is made longer
-    /// first, which takes no space, and HDF5 cuts it to what it is. (The serial driver would not cut it.)
+    /// HDF5 writes the new length of the file into its superblock before it extends the file. If the run is
+    /// killed between the two, the file is shorter than the superblock says and cannot be opened.
+    ///
+    /// So rank 0 extends the file first, which takes no disk space, and HDF5 cuts it to its true length. This
+    /// is done under MPI-IO only, since the serial driver would not cut the file.
     fn flush(&self, growth: u64) -> Result<()> {
         if self.writes_small && self.transfer.is_parallel() && growth > 0 {
             let lengthen = |file: fs::File| file.set_len(file.metadata()?.len() + growth);
@@ -356,8 +361,9 @@ impl Frames {
         self.file.flush()
     }
 
-    /// Bytes that frame `k` may add to the file, generously; 0 if it fits into what is laid out already, so that HDF5
-    /// will leave the length alone.
+    /// Upper bound of the bytes that frame `k` adds to the file.
+    ///
+    /// It is 0 if the frame fits into chunks that exist already, because HDF5 then leaves the length alone.
     fn growth(&self, k: u64) -> u64 {
         let rows = rows_per_chunk(self.count);
         let chunks = |frames: u64| (frames * self.count).div_ceil(rows);
@@ -366,11 +372,12 @@ impl Frames {
         vectors + self.small_growth(k)
     }
 
-    /// The part of `growth` for arrays with one row per frame.
+    /// The part of `growth` for the arrays with one row per frame.
     fn small_growth(&self, k: u64) -> u64 {
         if k.is_multiple_of(FRAMES_PER_CHUNK) { small_arrays() } else { 0 }
     }
 
+    /// Updates the attributes of `/run` that follow the last frame. Collective.
     fn count_up(&self, measures: &Measures) -> Result<()> {
         for (name, count) in COUNT_ATTRIBUTES {
             set(&self.run, name, count(measures) as i64)?;
@@ -384,7 +391,7 @@ impl Frames {
         Ok(())
     }
 
-    /// This rank's rows of a quantity of frame `k`. Collective.
+    /// Writes this rank's rows of one quantity in frame `k`. Collective.
     fn write_vectors(&self, array: &Dataset, k: u64, rows: &Rows, quantity: Quantity) -> Result<()> {
         grow::<[f64; 3]>(array, (k + 1) * self.count)?;
         self.transfer.write_together(array, k * self.count + rows.first, &(rows.column)(quantity))
@@ -396,17 +403,17 @@ impl Frames {
         self.write_small(array, k, &[row])
     }
 
-    /// Rank 0 writes rows that are the same on every rank.
+    /// Writes rows that are the same on every rank; rank 0 alone does so.
     fn write_small<R: Row>(&self, array: &Dataset, first: u64, rows: &[R]) -> Result<()> {
         if self.writes_small { self.transfer.write_alone(array, first, rows) } else { Ok(()) }
     }
 }
 
-/// How the file is opened. Collective, like the call that opens it.
+/// Options for opening the file. Collective, like the call that opens it.
 pub(super) fn options(comm: &dyn Comm) -> Result<FileBuilder> {
     let mut options = File::with_options();
-    // The default until HDF5 2.0 chose another: whatever library writes, the file is the same, older ones read it, and
-    // it opens after a kill.
+    // HDF5 2.0 changed the default format. The earliest format makes the file independent of the library.
+    // Older libraries can read it, and it can be opened after a kill.
     options.with_fapl(|access| access.libver_earliest());
     if let Some(communicator) = comm.raw() {
         mpio::open_together(&mut options, communicator)?;
@@ -414,26 +421,26 @@ pub(super) fn options(comm: &dyn Comm) -> Result<FileBuilder> {
     Ok(options)
 }
 
-/// Bytes that one frame of `count` particles may add to a file at most.
+/// Upper bound of the bytes that one frame of `count` particles adds to a file.
 pub(super) fn largest_growth(count: u64) -> u64 {
     let rows = rows_per_chunk(count);
     3 * (count.div_ceil(rows) + 1) * (rows * VECTOR_BYTES + INDEX_BYTES) + small_arrays()
 }
 
-/// Bytes of a chunk of all arrays with one row per frame.
+/// Upper bound of the bytes of one more chunk in every array with one row per frame.
 fn small_arrays() -> u64 {
     64 * (FRAMES_PER_CHUNK * 32 + INDEX_BYTES)
 }
 
-/// What a file holds when it is laid out.
+/// What the file holds when `Frames` opens its groups and arrays.
 enum Ground<'a> {
-    /// Nothing: everything is made, for this run.
+    /// Nothing: all groups and arrays are created, for this run.
     New(&'a RunInfo),
-    /// All groups and arrays of an earlier process.
+    /// All groups and arrays, created by an earlier process.
     Found {
-        /// Whether there are columns for dissipated energy.
+        /// Whether the file has columns for dissipated energy.
         energy: bool,
-        /// Complete frames.
+        /// Number of complete frames.
         complete: u64,
     },
 }
@@ -453,7 +460,7 @@ impl Ground<'_> {
         }
     }
 
-    /// An array that grows by rows, `rows_per_chunk` of them on disk at once.
+    /// An array that grows by rows; a chunk has `rows_per_chunk` of them.
     fn array<R: Row>(&self, group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dataset> {
         match self {
             Ground::New(_) => growing::<R>(group, name, rows_per_chunk),
@@ -462,7 +469,7 @@ impl Ground<'_> {
     }
 }
 
-/// Makes an array `rows` long; one that is longer already, from a process that has ended since, stays so.
+/// Makes an array `rows` long. An array of an earlier process may be longer already, and then stays so.
 fn grow<R: Row>(array: &Dataset, rows: u64) -> Result<()> {
     let rows = rows as usize;
     if array.shape().first().is_some_and(|&there| there >= rows) {
@@ -471,7 +478,7 @@ fn grow<R: Row>(array: &Dataset, rows: u64) -> Result<()> {
     array.resize([&[rows], R::SHAPE].concat())
 }
 
-/// `/run` with all its attributes. Collective.
+/// Creates `/run` with all its attributes. Collective.
 fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: bool) -> Result<Group> {
     let run = file.create_group("run")?;
     set_new_text(&run, "version", &info.version)?;
@@ -502,7 +509,7 @@ fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: boo
     Ok(run)
 }
 
-/// The text of the scene, as an attribute or, where it is too long for one, as a dataset.
+/// Writes the text of the scene, as an attribute or, if it is too long for one, as a dataset.
 pub(super) fn put_scene(run: &Group, transfer: &Transfer, scene: &str, writes: bool) -> Result<()> {
     if scene.len() <= LONGEST_ATTRIBUTE {
         return set_new_text(run, "scene", scene);
@@ -512,25 +519,26 @@ pub(super) fn put_scene(run: &Group, transfer: &Transfer, scene: &str, writes: b
     if writes { transfer.write_text(&text, scene) } else { Ok(()) }
 }
 
-/// An empty array that grows by rows.
+/// Creates an empty array that grows by rows.
 fn growing<R: Row>(group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dataset> {
     let extents: Vec<Extent> =
         [vec![Extent::resizable(0)], R::SHAPE.iter().map(|&n| Extent::fixed(n)).collect()].concat();
     let chunk = [&[rows_per_chunk as usize], R::SHAPE].concat();
     let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
-    // As parallel HDF5 does: ranks that go on with a file have no place for a chunk otherwise.
+    // Parallel HDF5 allocates early. A serial file must do the same, or its new chunks have no address when
+    // several ranks go on with it.
     let builder = builder.alloc_time(Some(AllocTime::Early));
-    // Nothing is read again: without a cache, chunks are written from where they are.
+    // Nothing is read back. Without a cache, HDF5 writes chunks directly from the memory of the caller.
     builder.shape(extents).chunk(chunk).chunk_cache(1, 0, 1.0).create(name)
 }
 
-/// An array of a fixed number of rows.
+/// Creates an array with a fixed number of rows.
 fn fixed<R: Row>(group: &Group, name: &str, rows: u64) -> Result<Dataset> {
     let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
     builder.no_chunk().shape([&[rows as usize], R::SHAPE].concat()).create(name)
 }
 
-/// Rows of a vector array that are stored together: whole frames up to 64 KiB, or else parts of a frame up to 1 MiB.
+/// Rows in a chunk of a vector array: whole frames up to 64 KiB, or else parts of a frame up to 1 MiB.
 fn rows_per_chunk(count: u64) -> u64 {
     let (few, most) = ((64 << 10) / VECTOR_BYTES, (1 << 20) / VECTOR_BYTES);
     match count {

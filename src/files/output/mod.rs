@@ -1,8 +1,12 @@
-//! The output file: VTKHDF 2.0, temporal PolyData, one HDF5 file that ParaView, VTK, pyvista and h5py open as it is.
+//! The output file: one HDF5 file in the format VTKHDF 2.0 (temporal `PolyData`).
 //!
-//! All ranks write one file through MPI-IO, each its block of rows in id order. A frame is written so that a reader or
-//! a crash never meets half of one: all data and a flush, then the time and `NSteps` and another flush; readers trust
-//! `NSteps` alone. docs/design.md has the list of groups and arrays.
+//! ParaView, VTK, pyvista and h5py open it as it is. All ranks write the file together through MPI-IO. Every
+//! rank writes its block of rows in the order of ids.
+//!
+//! A reader never finds half a frame, even after a crash. First all data are written and flushed. Then the
+//! time and `NSteps` are written and flushed. Readers trust `NSteps` alone.
+//!
+//! docs/design.md lists all groups and arrays.
 
 mod collective;
 mod frames;
@@ -24,24 +28,24 @@ use frames::Frames;
 
 pub use reopen::{Found, first_frame, frame, inspect, prepare};
 
-/// What the run says of itself once, as attributes of `/run`.
+/// Description of a run, which is written once as attributes of `/run`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunInfo {
     /// Version of the program.
     pub version: String,
-    /// Commit it was built from.
+    /// Commit that the program was built from.
     pub commit: String,
-    /// The scene as resolved, TOML.
+    /// The scene with every default filled in, TOML.
     pub scene: String,
     /// `solver.method`.
     pub method: MethodName,
     /// `solver.tolerance`, in the units of `norm`; 0 for a method with a fixed step.
     pub tolerance: f64,
-    /// `solver.step`, s; there exactly if the method has a fixed step.
+    /// `solver.step`, s; present only if the method has a fixed step.
     pub step: Option<f64>,
     /// `solver.norm`.
     pub norm: NormName,
-    /// Speed that errors of velocity are compared with in the scaled norm, m/s.
+    /// Speed that scales errors of velocity in the scaled norm, m/s.
     pub velocity_scale: f64,
     /// Largest gap at which the stabilised method evaluates contacts, m.
     pub contact_cutoff: f64,
@@ -51,111 +55,115 @@ pub struct RunInfo {
     pub mass: f64,
     /// Number of MPI ranks.
     pub ranks: usize,
-    /// Threads of each rank.
+    /// Number of threads of each rank.
     pub threads: usize,
-    /// Vector instructions in use, such as `avx2+fma`.
+    /// Processor architecture and vector instructions in use, such as `x86_64 avx2`.
     pub instruction_set: String,
 }
 
-/// The run at the time of a frame: one row of `/run/series`, and the attributes of `/run` that count.
+/// Measures of the run at a frame: one row of `/run/series`, and the attributes of `/run` that follow it.
 ///
-/// Counts and sums are of the whole run, the same on every rank; of times rank 0's are taken.
+/// Counts and sums cover the whole run and are the same on every rank. Times are those of rank 0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measures {
     /// Time of the frame, s.
     pub time: f64,
     /// Size of the last accepted step, s.
     pub step: f64,
-    /// Accepted steps.
+    /// Number of accepted steps.
     pub steps_accepted: u64,
-    /// Steps rejected for their error.
+    /// Number of steps that were rejected because of their error.
     pub steps_rejected: u64,
-    /// Trials that outran the contact lists.
+    /// Number of trial steps in which a particle outran the contact lists.
     pub steps_outrun: u64,
-    /// Evaluations of the right-hand side; a collective one counts once.
+    /// Number of evaluations of the right-hand side. A collective evaluation counts once.
     pub rhs_evaluations: u64,
-    /// Evaluations of a pair of particles.
+    /// Number of evaluations of a pair of particles.
     pub pair_evaluations: u64,
-    /// Times the contact lists were built.
+    /// How often the contact lists were built.
     pub lists_built: u64,
-    /// Steps accepted at `solver.min_step` in spite of their error; an attribute only.
+    /// Number of steps accepted at `solver.min_step` in spite of their error; an attribute only.
     pub forced_accepts: u64,
-    /// Accepted steps by what decided their size, in the order of `Limit::ALL`; attributes only.
+    /// Number of accepted steps whose size each limit decided, in the order of `Limit::ALL`; attributes only.
     pub limits: [u64; Limit::ALL.len()],
-    /// Kinetic energy of all particles, rotation included, J.
+    /// Kinetic energy of all particles, including rotation, J.
     pub kinetic_energy: f64,
     /// Potential energy of all particles, J.
     pub potential_energy: f64,
-    /// Energy dissipated so far by rebound and by friction, J; written where [`RunInfo::energy`] asks for it.
+    /// Energy dissipated so far by rebound and by friction, J; written only if [`RunInfo::energy`] is set.
     pub dissipated: Dissipation,
     /// Largest overlap of two bodies, m.
     pub largest_overlap: f64,
     /// Height of the bed, m.
     pub bed_height: f64,
-    /// Wall time since the start, s.
+    /// Wall time of the run so far, s.
     pub wall_seconds: f64,
-    /// Where that time went; attributes only.
+    /// Wall time in the parts of the work; attributes only.
     pub seconds: Seconds,
 }
 
-/// Wall time in the parts of the work on one rank, s.
+/// Wall time of one rank in the parts of its work, s.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Seconds {
-    /// Contacts and sums, s.
+    /// Evaluating contacts and adding their forces, s.
     pub forces: f64,
-    /// Waiting for and copying ghosts, s.
+    /// Waiting for ghosts and copying them, s.
     pub ghosts: f64,
-    /// Contact lists, migration, slab bounds, s.
+    /// Building contact lists, migrating particles and balancing slabs, s.
     pub lists: f64,
-    /// Agreement on errors, s.
+    /// Agreeing on errors over ranks, s.
     pub reduction: f64,
-    /// Frames: measures and output, s.
+    /// Measuring and writing frames, s.
     pub output: f64,
 }
 
-/// A vector that every particle has.
+/// A vector quantity of particles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Centre, m.
     Position,
     /// Velocity, m/s.
     Velocity,
-    /// Angular velocity, 1/s; asked for only where rotation is on.
+    /// Angular velocity, 1/s; requested only if the scene has rotation.
     AngularVelocity,
 }
 
-/// The rows of a frame that this rank writes, from row `first` of the id order on. The blocks of the ranks follow one
-/// another by rank and may be empty.
+/// The rows of a frame that this rank writes, in the order of ids.
+///
+/// The blocks of the ranks follow one another in the order of ranks. A block may be empty.
 #[derive(Clone, Copy)]
 pub struct Rows<'a> {
     /// Id of the first row.
     pub first: u64,
-    /// Makes one quantity of all rows; called for one after the other, so that only one is in memory.
+    /// Returns one quantity for all rows. Quantities are requested one by one, so that only one is in memory.
     pub column: &'a dyn Fn(Quantity) -> Vec<[f64; 3]>,
 }
 
 /// An output file that grows by frames.
 ///
-/// After an error nothing of the file may be touched any more, by any rank: the next collective call could wait for
-/// ever. So a failed `Output` leaves the file open and answers every later call with an error, without any call to
-/// HDF5; dropping it is safe. Which ranks see an error depends on the error: whoever gets one says so and calls
-/// `Comm::abort`, without finalising MPI (which would make HDF5 close the file). The file then holds all complete
+/// After an error no rank may touch the file any more, because the next collective call could wait for ever.
+/// A failed `Output` therefore leaves the file open. It answers every later call with an error and makes no
+/// call to HDF5. Dropping it is safe.
+///
+/// Some errors reach only some of the ranks. A rank that gets an error reports it and calls `Comm::abort`,
+/// without finalising MPI, because that would make HDF5 close the file. The file then holds all complete
 /// frames.
 ///
-/// Dropping a sound `Output` closes the file at its last frame, with `completed = 0`; that is collective too.
+/// Dropping an `Output` that has not failed closes the file with `completed = 0`. That is collective too.
 pub struct Output<'a> {
     comm: &'a dyn Comm,
     path: PathBuf,
     frames: Option<Frames>,
     transfer: String,
-    /// Device and inode of the file, on rank 0.
+    /// Device and inode of the file; on rank 0 only.
     identity: Option<(u64, u64)>,
 }
 
 impl<'a> Output<'a> {
-    /// Whether about `estimated_bytes` can be written to `path`; without `force` nothing may be there yet. Rank 0
-    /// looks, all ranks get its verdict: the absolute path, or what is wrong and what would be right. Creates nothing.
-    /// Collective.
+    /// Checks whether about `estimated_bytes` can be written to `path`. Creates nothing. Collective.
+    ///
+    /// Without `force` no file may exist there. Rank 0 checks, and all ranks return what it found: the
+    /// absolute path, or an error that says what is wrong and what would be right.
     pub fn check_path(
         comm: &dyn Comm,
         path: &Path,
@@ -170,9 +178,10 @@ impl<'a> Output<'a> {
         path::from_bytes(&outcome).map_err(Error::Input)
     }
 
-    /// Creates the file, replacing one that exists, with everything a reader needs to find no frames yet. `path` is
-    /// the same on every rank, as `check_place` gives it. `count` spheres of `radius` (m); `id_rows` is this rank's
-    /// block of ids. Collective.
+    /// Creates the file, or replaces one that exists. Readers can open it and find no frames yet. Collective.
+    ///
+    /// `path` must be the same on every rank: the one that [`Output::check_path`] returned. The file is for
+    /// `count` spheres of `radius` (m). `id_rows` is this rank's block of ids.
     pub fn create(
         comm: &'a dyn Comm,
         path: &Path,
@@ -188,8 +197,7 @@ impl<'a> Output<'a> {
         Ok(Self::with(comm, path, frames))
     }
 
-    /// Opens the file of an earlier process, which [`prepare`] has made ready to go on after `complete` frames.
-    /// Collective.
+    /// Opens the file of an earlier process, which [`prepare`] has cut to `complete` frames. Collective.
     pub fn open(
         comm: &'a dyn Comm,
         path: &Path,
@@ -209,8 +217,9 @@ impl<'a> Output<'a> {
         Output { comm, path, frames: Some(frames), transfer: "none yet".to_string(), identity }
     }
 
-    /// Fails where the file is not in its place any more, without a word to HDF5: the file could still be closed, and
-    /// nothing of it is lost but its name. Collective.
+    /// Fails if the file has been removed or replaced. Collective.
+    ///
+    /// This makes no call to HDF5, so the file can still be closed. Only its name is lost, not its content.
     fn check_identity(&self) -> Result<(), Error> {
         let mut outcome = Vec::new();
         if self.comm.rank() == 0 {
@@ -237,8 +246,10 @@ impl<'a> Output<'a> {
         Ok(())
     }
 
-    /// Marks the run as completed, by the method that `choice` names and before its end by the key `at_rest_by`, and closes
-    /// the file. Collective.
+    /// Marks the run as completed and closes the file. Collective.
+    ///
+    /// `choice` names the method that took the steps. `at_rest_by` is the key of `[stop]` that ended the run
+    /// before `t_end`, if one did.
     pub fn finish(
         mut self,
         measures: &Measures,
@@ -257,7 +268,7 @@ impl<'a> Output<'a> {
         }
     }
 
-    /// Says what stopped the run before its end, and closes the file. Collective.
+    /// Writes what stopped the run before its end, and closes the file. Collective.
     pub fn stop(mut self, by: &str) -> Result<(), Error> {
         self.guarded(|frames| frames.stopped(by))?;
         match self.frames.take() {
@@ -266,13 +277,15 @@ impl<'a> Output<'a> {
         }
     }
 
-    /// How the rows of the last frame really travelled, as HDF5 itself reports it: `chunk collective` when all ranks
-    /// wrote together, `independent (cause ...)` when the library fell back, `serial` without MPI.
+    /// How the rows of the last frame were written, as HDF5 itself reports it.
+    ///
+    /// `chunk collective`: all ranks wrote together. `independent (cause ...)`: the library fell back to
+    /// independent writes. `serial`: the file is open without MPI.
     pub fn transfer_report(&self) -> &str {
         &self.transfer
     }
 
-    /// Does something to the file and never touches it again if that fails.
+    /// Calls `work` with the file. If that fails, the file is never touched again.
     fn guarded<R>(&mut self, work: impl FnOnce(&mut Frames) -> hdf5::Result<R>) -> Result<R, Error> {
         let Some(mut frames) = self.frames.take() else {
             return Err(Error::Output {
@@ -296,7 +309,7 @@ impl<'a> Output<'a> {
 
 impl Drop for Output<'_> {
     fn drop(&mut self) {
-        // Closing is collective; a rank that panics is alone.
+        // Closing is collective. A rank that panics cannot count on the others, so it leaves the file open.
         if std::thread::panicking() {
             mem::forget(self.frames.take());
         }
@@ -304,7 +317,9 @@ impl Drop for Output<'_> {
 }
 
 impl RunInfo {
-    /// Rank 0's, on every rank: metadata that differ between ranks would break the file. Collective.
+    /// The description of rank 0, on every rank. Collective.
+    ///
+    /// Metadata that differ between ranks would break the file.
     fn agreed(&self, comm: &dyn Comm) -> RunInfo {
         let text = |own: &str| agreed_text(comm, own);
         let count = |own: usize| {
@@ -331,7 +346,7 @@ impl RunInfo {
 }
 
 impl Measures {
-    /// The same with rank 0's clocks. Collective.
+    /// The same measures with the times of rank 0. Collective.
     fn agreed(&self, comm: &dyn Comm) -> Measures {
         let Seconds { forces, ghosts, lists, reduction, output } = self.seconds;
         let clocks = [self.wall_seconds, forces, ghosts, lists, reduction, output];
@@ -341,7 +356,7 @@ impl Measures {
     }
 }
 
-/// Rank 0's numbers. Collective.
+/// The numbers of rank 0, on every rank. Collective.
 fn agreed<const K: usize>(comm: &dyn Comm, own: [[u8; 8]; K]) -> [[u8; 8]; K] {
     let mut bytes = own.as_flattened().to_vec();
     comm.broadcast(&mut bytes);
@@ -352,16 +367,18 @@ fn agreed<const K: usize>(comm: &dyn Comm, own: [[u8; 8]; K]) -> [[u8; 8]; K] {
     numbers
 }
 
-/// Rank 0's text. Collective.
+/// The text of rank 0, on every rank. Collective.
 fn agreed_text(comm: &dyn Comm, own: &str) -> String {
     let mut bytes = own.as_bytes().to_vec();
     comm.broadcast(&mut bytes);
     String::from_utf8_lossy(&bytes).into_owned()
 }
 
-/// What HDF5 said, and whether the disk is full, which it often does not say.
+/// An error with the message of HDF5.
+///
+/// It adds the free space if the disk is full, because HDF5 often does not say so.
 fn failure(path: &Path, why: &hdf5::Error) -> Error {
-    // HDF5 breaks its lines; a message of ours is one line.
+    // A message of HDF5 has several lines. Ours have one line.
     let mut why = why.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
     if let Some(folder) = path.parent()
         && let Some(free) = path::free_bytes(folder)

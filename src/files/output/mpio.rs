@@ -1,7 +1,8 @@
-//! What parallel HDF5 has and a serial one has not: files that all ranks open together, and what became of writes in
-//! which all take part. The build with the feature `mpi`; serial.rs stands in its place in the build without.
+//! What only parallel HDF5 has: files that all ranks open together, and collective writes.
 //!
-//! What is unsafe here has the reason that collective.rs gives.
+//! This file is part of the build with the feature `mpi`. Without that feature serial.rs replaces it.
+//!
+//! The `unsafe` code has the same reason as in collective.rs.
 #![allow(unsafe_code)]
 
 use std::ffi::c_int;
@@ -13,8 +14,8 @@ use hdf5_sys::h5p::{H5FD_mpio_xfer_t, H5Pset_dxpl_mpio};
 
 use crate::domain::world::Communicator;
 
-// Not in hdf5-metno-sys. The mode is an enumeration, received as an int because a later library may return a value
-// that today's list does not have.
+// hdf5-metno-sys does not declare these functions. The mode is an enumeration in C. Here it is an int,
+// because a later library may return a value that the enumeration does not have today.
 unsafe extern "C" {
     fn H5Pget_mpio_actual_io_mode(list: hid_t, mode: *mut c_int) -> c_int;
     fn H5Pget_mpio_no_collective_cause(list: hid_t, local: *mut u32, global: *mut u32) -> c_int;
@@ -22,15 +23,15 @@ unsafe extern "C" {
 
 /// Lets all ranks of `communicator` open one file.
 pub fn open_together(options: &mut FileBuilder, communicator: Communicator) -> Result<()> {
-    // One rank writes all metadata, in one sweep. By default all ranks share them out: when one was killed
-    // a little before the others, half of an update was in the file (tried).
+    // One rank writes all metadata. By default all ranks share this work. If one of them is then killed a
+    // little before the others, the file may hold half of an update.
     let mut cache = FileAccess::try_new()?.get_mdc_config()?;
     cache.metadata_write_strategy = MetadataWriteStrategy::ProcessZeroOnly;
     options.with_fapl(|access| access.mpio(communicator, None).mdc_config(&cache));
     Ok(())
 }
 
-/// Makes `list` one of writes in which all ranks take part.
+/// Sets `list` to collective writes, in which all ranks take part.
 pub fn write_collectively(list: &PropertyList, _: Communicator) -> Result<()> {
     hdf5::sync::sync(|| {
         // SAFETY: the list is a live transfer property list; the call only sets a value in it.
@@ -39,7 +40,7 @@ pub fn write_collectively(list: &PropertyList, _: Communicator) -> Result<()> {
     Ok(())
 }
 
-/// How HDF5 really made the last write with `list`.
+/// How HDF5 made the last write with `list`.
 pub fn report(list: &PropertyList, _: Communicator) -> Result<String> {
     let (mut mode, mut local, mut global) = (0, 0, 0);
     hdf5::sync::sync(|| {

@@ -1,4 +1,4 @@
-//! Whether a run can be written where the user wants it: asked before anything is computed or created.
+//! Checks whether a run can write where the user asks, before anything is computed or created.
 
 use crate::math::digits;
 use std::ffi::OsStr;
@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{Access, access, statvfs};
 
-/// The absolute form of `path` if a file of `estimated_bytes` can be written there, else the whole complaint.
-/// Looks only, creates nothing.
+/// The absolute form of `path` if a file of `estimated_bytes` can be written there, else the error message.
+///
+/// An existing file is accepted only with `force`. Nothing is created.
 pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, String> {
     let named = path.display();
     let refuse = |what: String| Err(format!("output.file = \"{named}\": {what}"));
@@ -19,7 +20,7 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
         return refuse("the name is not UTF-8 text, which HDF5 needs; choose another name".to_string());
     }
     let absolute = match std::path::absolute(path) {
-        // Behind a link: what belongs to the file, such as its checkpoints, is beside the file.
+        // Follow a link: the checkpoints of a run are beside its file, not beside the link.
         Ok(absolute) => absolute.canonicalize().unwrap_or(absolute),
         Err(why) => return refuse(format!("not a path ({why}); give the name of a file to write")),
     };
@@ -46,7 +47,7 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
             if let Err(why) = access(&absolute, Access::WRITE_OK) {
                 return refuse(format!("the file exists and cannot be replaced ({why}); make it writable"));
             }
-            reclaimed = 512 * found.blocks(); // st_blocks counts in 512 bytes on any file system
+            reclaimed = 512 * found.blocks(); // st_blocks counts units of 512 bytes on any file system
         }
         Err(why) if matches!(why.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             match fs::metadata(folder) {
@@ -71,7 +72,8 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
         && free.saturating_add(reclaimed) < estimated_bytes
     {
         return refuse(format!(
-            "the run needs about {}, but {} has {} free; free some space, choose another place or a larger output.interval",
+            "the run needs about {}, but {} has {} free; free some space, choose another place or a larger \
+            output.interval",
             digits::bytes(estimated_bytes),
             folder.display(),
             digits::bytes(free.saturating_add(reclaimed))
@@ -80,25 +82,25 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
     Ok(absolute)
 }
 
-/// Device and inode of a file, if it is there.
+/// Device and inode of a file; none if it cannot be found.
 pub fn identity(path: &Path) -> Option<(u64, u64)> {
     let found = fs::metadata(path).ok()?;
     Some((found.dev(), found.ino()))
 }
 
-/// Bytes that this user may still write in the file system of `folder`, if it says.
+/// Bytes that this user may still write to the file system of `folder`; none if the system does not say.
 pub fn free_bytes(folder: &Path) -> Option<u64> {
     fail::fail_point!("room", |_| None);
     let all = statvfs(folder).ok()?;
     Some(all.f_bavail.saturating_mul(all.f_frsize))
 }
 
-/// `results/` is a folder whether it exists or not.
+/// Whether `path` names a folder by its form alone: `results/` does, whether it exists or not.
 fn ends_in_separator(path: &Path) -> bool {
     path.as_os_str().as_bytes().ends_with(b"/") || path.file_name().is_none()
 }
 
-/// A verdict as bytes, for the way from rank 0 to the others: a mark, then the path or the complaint.
+/// The result of [`look`] as bytes, for the broadcast from rank 0: a mark, then the path or the message.
 pub fn to_bytes(outcome: &Result<PathBuf, String>) -> Vec<u8> {
     match outcome {
         Ok(path) => [b"+", path.as_os_str().as_bytes()].concat(),

@@ -1,6 +1,6 @@
-//! The file of an earlier process: what it holds, and how it is made ready to go on.
+//! The output file of an earlier process: reads what it holds, and prepares it for more frames.
 //!
-//! One rank does all of this with the serial driver: the parallel one cannot make arrays shorter (docs/design.md).
+//! One rank does this with the serial driver: the parallel one cannot shorten arrays (docs/design.md).
 
 use std::os::unix::fs::FileExt;
 use std::path::Path;
@@ -15,22 +15,22 @@ use super::frames::{largest_growth, options, put_scene};
 use crate::domain::Solo;
 use crate::scene::initial_condition::InitialCondition;
 
-/// What a file tells of the run that wrote it.
+/// What an output file says about the run that wrote it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
-    /// The scene as resolved, TOML.
+    /// The scene with every default filled in, TOML.
     pub scene: String,
-    /// Whether the run came to its end.
+    /// Whether the run is complete.
     pub completed: bool,
-    /// Complete frames.
+    /// Number of complete frames.
     pub frames: u64,
-    /// Their times, s.
+    /// Times of the complete frames, s.
     pub times: Vec<f64>,
-    /// Particles; 0 where there is no frame.
+    /// Number of particles.
     pub count: u64,
 }
 
-/// Looks into the file of an earlier process, or says why it is none.
+/// Reads what the output file `path` holds. An error says why the file cannot be such a file.
 pub fn inspect(path: &Path) -> Result<Found, String> {
     let file = open(path)?;
     let foreign = |_| {
@@ -69,6 +69,8 @@ pub fn first_frame(path: &Path, count: u64) -> Result<InitialCondition, String> 
 }
 
 /// The state of all `count` particles in frame `k`, which must be complete.
+///
+/// Angular velocities are 0 if the file has none.
 pub fn frame(file: &File, k: u64, count: u64) -> Result<InitialCondition, String> {
     let (first, end) = ((k * count) as usize, ((k + 1) * count) as usize);
     let rows = |name: &str| -> Result<Vec<[f64; 3]>, String> {
@@ -81,8 +83,9 @@ pub fn frame(file: &File, k: u64, count: u64) -> Result<InitialCondition, String
     Ok(InitialCondition { x, v, omega })
 }
 
-/// Makes the file such that `frames` frames stand and whatever came later is forgotten, as the file of a run that `info`
-/// describes and that is not completed.
+/// Cuts the file to its first `frames` frames, so that the run which `info` describes can go on in it.
+///
+/// The run then counts as not completed.
 pub fn prepare(path: &Path, frames: u64, info: &RunInfo) -> Result<(), String> {
     let prepared = || -> hdf5::Result<()> {
         let file = options(&Solo)?.open_rw(path)?;
@@ -90,12 +93,12 @@ pub fn prepare(path: &Path, frames: u64, info: &RunInfo) -> Result<(), String> {
         let steps = root.group("Steps")?;
         let run = file.group("run")?;
         if run.attr("stopped_by").is_err() && run.attr("completed")?.read_scalar::<i64>()? == 0 {
-            // Killed, perhaps within a flush: the trees of the arrays may know of chunks beyond the end that the file
-            // recorded, and what begins there would be written over them. They are of one frame.
+            // The run was killed, perhaps during a flush. Its last frame may then have chunks beyond the end
+            // of the file that the superblock states, and new data would overwrite them.
             let count = root.dataset("PointData/id")?.size() as u64;
             begin_behind_the_end(&file, largest_growth(count))?;
         }
-        // Never more times than NSteps says: VTK's reader crashes.
+        // There must never be more times than `NSteps` says, or VTK's reader crashes.
         shorten(&steps, &["Values"], frames)?;
         steps.attr("NSteps")?.write_scalar(&(frames as i64))?;
         shorten(&root, &["NumberOfPoints"], frames)?;
@@ -126,7 +129,7 @@ fn open(path: &Path) -> Result<File, String> {
     File::open(path).map_err(|why| format!("it cannot be opened as an HDF5 file: {}", say(why)))
 }
 
-/// What HDF5 says, on one line.
+/// The message of HDF5 on one line.
 #[allow(clippy::needless_pass_by_value)] // for `map_err`
 fn say(why: hdf5::Error) -> String {
     why.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
@@ -136,8 +139,9 @@ fn text(attribute: &Attribute) -> Result<String, String> {
     attribute.read_scalar::<VarLenUnicode>().map(|text| text.to_string()).map_err(say)
 }
 
-/// A text that is a dataset: bytes that lie together in the file, which is how it was written. (The crate reads no texts of
-/// a length that is known at run time only.)
+/// Reads a text that is a dataset. Its bytes are contiguous in the file, and are read from there.
+///
+/// The crate `hdf5` cannot read a text whose length is known only at run time.
 fn long_text(path: &Path, text: &Dataset) -> Result<String, String> {
     let bytes = text.dtype().map_err(say)?.size();
     let offset = text.offset().ok_or("its scene is not where it should be")?;
@@ -147,7 +151,7 @@ fn long_text(path: &Path, text: &Dataset) -> Result<String, String> {
     String::from_utf8(all).map_err(|_| "its scene is not UTF-8 text".into())
 }
 
-/// Bytes of a scene at most.
+/// Longest scene that is read, bytes.
 const LONGEST_TEXT: usize = 64 << 20;
 
 fn shorten(group: &Group, names: &[&str], rows: u64) -> hdf5::Result<()> {

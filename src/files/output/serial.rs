@@ -1,4 +1,4 @@
-//! Stands in for mpio.rs in a build without MPI, where there is no communicator to call these with.
+//! Replaces mpio.rs in a build without MPI. There no communicator exists to call these functions with.
 
 use hdf5::{FileBuilder, PropertyList, Result};
 
@@ -9,12 +9,12 @@ pub fn open_together(_: &mut FileBuilder, communicator: Communicator) -> Result<
     match communicator {}
 }
 
-/// Makes a list one of writes in which all ranks take part.
+/// Sets a list to collective writes, in which all ranks take part.
 pub fn write_collectively(_: &PropertyList, communicator: Communicator) -> Result<()> {
     match communicator {}
 }
 
-/// How HDF5 really made the last write with a list.
+/// How HDF5 made the last write with a list.
 pub fn report(_: &PropertyList, communicator: Communicator) -> Result<String> {
     match communicator {}
 }

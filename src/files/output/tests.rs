@@ -1,4 +1,4 @@
-//! The file as a reader finds it, written by one rank through the serial driver.
+//! The file as a reader finds it. One rank writes it through the serial driver.
 
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ fn info(scene: &str) -> RunInfo {
     }
 }
 
-/// Distinct numbers in every column, all exact in a double.
+/// Different numbers in every column, all exact as doubles.
 fn measures(k: u64) -> Measures {
     let x = k as f64;
     Measures {
@@ -79,7 +79,7 @@ fn append(output: &mut Output, k: u64, rotation: bool) {
     output.append(&rows, &measures(k)).unwrap();
 }
 
-/// A finished file of `frames` frames; the folder must live as long as the file is read.
+/// A finished file of `frames` frames. The folder must exist as long as the file is read.
 fn written(frames: u64, rotation: bool, scene: &str) -> (TempDir, File) {
     let (folder, path) = path();
     let mut output = create(&path, rotation, scene);
@@ -91,10 +91,10 @@ fn written(frames: u64, rotation: bool, scene: &str) -> (TempDir, File) {
     (folder, file)
 }
 
-/// What the run says of its method in the end.
+/// Text about the method, which is written when the run is completed.
 const CHOICE: &str = "merson, for its ω";
 
-/// A finished file of `frames` frames with what `change` makes of its description.
+/// A finished file of `frames` frames, whose description `change` has modified.
 fn described(frames: u64, change: impl FnOnce(&mut RunInfo)) -> (TempDir, File) {
     let (folder, path) = path();
     let mut info = info("");
@@ -295,10 +295,11 @@ fn seconds_of_a_killed_run_are_those_of_its_last_frame() {
 
 #[test]
 fn a_run_goes_on_in_a_file_that_does_not_know_of_its_last_chunks() {
-    // Their first frame was killed after the trees were on the disk and before the end of the file was.
+    // The run was killed in the first frame of these chunks. The trees of the arrays were on the disk, the
+    // new end of the file was not.
     let (_folder, path) = path();
     let mut output = create(&path, false, "");
-    let end = 40..48; // of the superblock: where the file ends
+    let end = 40..48; // the end of the file, in the superblock
     let mut old = Vec::new();
     for k in 0..915 {
         append(&mut output, k, false);
@@ -393,7 +394,7 @@ fn long_scene_becomes_a_dataset_of_the_same_text() {
     assert!(text.is_scalar());
     let path = file.filename();
     drop((text, file));
-    // The crate reads no strings of a length known at run time only: look for the bytes in the file.
+    // The crate cannot read strings whose length is known only at run time: look for the bytes in the file.
     let bytes = std::fs::read(path).unwrap();
     assert!(bytes.windows(scene.len()).any(|window| window == scene.as_bytes()));
 }

@@ -1,14 +1,16 @@
-//! Rows of four numbers, which is what a particle is loaded, turned into columns, and stored by.
+//! Rows of four numbers. The kernel loads and stores particles by rows, and turns four rows into columns.
 
 use crate::math::elementary::Arithmetic;
 
-/// Operations on rows of four numbers, and how products are added.
+/// Operations on rows of four numbers, with the arithmetic of single numbers.
 pub trait Lanes: Arithmetic {
-    /// Four numbers.
+    /// A row of four numbers.
     type Row: Copy;
-    /// A row.
+    /// The row of these numbers.
     fn row(numbers: [f64; 4]) -> Self::Row;
-    /// A row of neighbours in memory: by one instruction, which the compiler does not always make of `row`.
+    /// The row of four numbers that are adjacent in memory.
+    ///
+    /// One instruction. The compiler does not always turn `row` into one.
     fn load(numbers: &[f64; 4]) -> Self::Row;
     /// The numbers of a row.
     fn numbers(row: Self::Row) -> [f64; 4];
@@ -18,16 +20,16 @@ pub trait Lanes: Arithmetic {
     fn minus(a: Self::Row, b: Self::Row) -> Self::Row;
     /// a b + c
     fn add_products(a: Self::Row, b: Self::Row, c: Self::Row) -> Self::Row;
-    /// Number k of row p becomes number p of row k.
+    /// The transpose: number k of row p becomes number p of row k.
     fn transpose(rows: [Self::Row; 4]) -> [Self::Row; 4];
 }
 
-/// As the compiler sees fit.
+/// Rows as plain arrays: the compiler chooses the instructions.
 #[derive(Debug, Clone, Copy)]
 pub struct Plain;
 
 impl Arithmetic for Plain {
-    /// Fused where every processor of the architecture can.
+    /// Fused if every processor of the architecture has the instruction, which those of x86-64 do not.
     #[inline(always)]
     fn add_product(a: f64, b: f64, c: f64) -> f64 {
         if cfg!(target_arch = "x86_64") { a * b + c } else { a.mul_add(b, c) }
@@ -81,7 +83,9 @@ mod wide {
     use crate::math::elementary::{Arithmetic, Fused};
     use std::arch::x86_64::*;
 
-    /// By AVX2 and FMA. To be used in functions that are compiled for both, and called where the processor has both.
+    /// Rows as AVX2 registers, with fused multiply-add.
+    ///
+    /// Only for functions that are compiled for AVX2 and FMA, and only on processors that have both.
     #[derive(Debug, Clone, Copy)]
     pub struct Wide;
 
@@ -92,8 +96,8 @@ mod wide {
         }
     }
 
-    // The compiler does not find these permutations: with rows of plain numbers 2 000 falling spheres take 5 % longer in all,
-    // and twice as long where a closure comes in between.
+    // Unsafe code, because the compiler does not find these permutations by itself, and plain arrays are
+    // slower.
     #[allow(unsafe_code)]
     impl Lanes for Wide {
         type Row = __m256d;

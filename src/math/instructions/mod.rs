@@ -1,4 +1,4 @@
-//! Vector instruction sets: which there are, which one a process takes, and how code is compiled for each.
+//! Vector instruction sets: which ones exist, which one a process uses, and how code is compiled for each.
 
 use crate::error::Error;
 pub use lanes::Lanes;
@@ -11,7 +11,9 @@ mod lanes;
 /// A vector instruction set that the kernel is compiled for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum InstructionSet {
-    /// What every processor of this architecture has: on x86-64, SSE2 with two numbers at a time and no fused operations.
+    /// The instructions that every processor of this architecture has.
+    ///
+    /// On x86-64 that is SSE2: two numbers at a time and no fused multiply-add.
     Baseline,
     /// AVX2 and FMA: four numbers at a time.
     Avx2,
@@ -20,11 +22,11 @@ pub enum InstructionSet {
 }
 
 impl InstructionSet {
-    /// All there are, narrowest first.
+    /// All sets, narrowest first.
     pub const ALL: [InstructionSet; 3] =
         [InstructionSet::Baseline, InstructionSet::Avx2, InstructionSet::Avx512];
 
-    /// All that this processor can run, narrowest first.
+    /// The sets that this processor can run, narrowest first.
     pub fn available() -> Vec<InstructionSet> {
         let mut sets = vec![InstructionSet::Baseline];
         #[cfg(target_arch = "x86_64")]
@@ -40,7 +42,10 @@ impl InstructionSet {
         sets
     }
 
-    /// The widest that this processor can run, or the one that the environment variable `DEMHYBRID_INSTRUCTIONS` names.
+    /// The set to use: the one that the environment variable `DEMHYBRID_INSTRUCTIONS` names, else the widest
+    /// that this processor can run.
+    ///
+    /// A name that this processor cannot run is an error.
     pub fn chosen() -> Result<Self, Error> {
         let sets = Self::available();
         let Some(wanted) = std::env::var_os("DEMHYBRID_INSTRUCTIONS") else {
@@ -58,7 +63,7 @@ impl InstructionSet {
         })
     }
 
-    /// Name, as in `DEMHYBRID_INSTRUCTIONS` and in the output.
+    /// Name of the set in `DEMHYBRID_INSTRUCTIONS` and in the output file.
     pub fn name(self) -> &'static str {
         match self {
             InstructionSet::Baseline => "baseline",
@@ -68,17 +73,17 @@ impl InstructionSet {
     }
 }
 
-/// Work that is compiled for every instruction set.
+/// Work that is compiled for every instruction set, for [`run`].
 pub trait Vectorised {
-    /// What it returns.
+    /// What the work returns.
     type Output;
-    /// Must be inlined, into the function that has the instructions.
+    /// Does the work. It must be inlined: only then is it compiled with the instructions of its caller.
     fn work<L: Lanes>(self) -> Self::Output;
 }
 
-/// Does `job` with the instruction set, which must be available.
+/// Does `job` with the instructions of `set`, which this processor must have.
 #[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code)] // Functions with instructions that not every processor has can be called no other way.
+#[allow(unsafe_code)] // Calling a function compiled for further instructions is unsafe.
 pub fn run<J: Vectorised>(set: InstructionSet, job: J) -> J::Output {
     #[target_feature(enable = "avx2,fma")]
     fn avx2<J: Vectorised>(job: J) -> J::Output {
@@ -90,14 +95,15 @@ pub fn run<J: Vectorised>(set: InstructionSet, job: J) -> J::Output {
     }
     match set {
         InstructionSet::Baseline => job.work::<Plain>(),
-        // SAFETY: the caller takes a set that this processor runs: from `InstructionSet::available`, or a narrower one.
+        // SAFETY: this processor has the instructions: the caller passes a set from
+        // `InstructionSet::available`, or a narrower one.
         InstructionSet::Avx2 => unsafe { avx2(job) },
         // SAFETY: the same.
         InstructionSet::Avx512 => unsafe { avx512(job) },
     }
 }
 
-/// Does `job`; this architecture has one instruction set.
+/// Does `job`. This architecture has a single instruction set.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn run<J: Vectorised>(_set: InstructionSet, job: J) -> J::Output {
     job.work::<Plain>()

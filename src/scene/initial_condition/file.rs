@@ -1,4 +1,5 @@
-//! The CSV file of the initial state: columns found by the names in its first line, one row per particle.
+//! The CSV file of the initial condition. Its first line names the columns; then there is a row for each
+//! particle.
 
 use std::fs::File;
 use std::io::Read;
@@ -11,10 +12,10 @@ use super::{InitialCondition, NO_ROTATION};
 use crate::error::Error;
 use crate::scene::{Scene, brief, shown};
 
-/// Rows that one run may read.
+/// Largest number of rows that a run may read.
 const MOST_ROWS: usize = 1_000_000_000;
 
-/// The columns of one vector, which go together.
+/// The three columns of a vector. They must be given together.
 struct Triple {
     names: [&'static str; 3],
     meaning: &'static str,
@@ -24,8 +25,10 @@ const CENTRE: Triple = Triple { names: ["x", "y", "z"], meaning: "the centre in 
 const VELOCITY: Triple = Triple { names: ["vx", "vy", "vz"], meaning: "the velocity in m/s" };
 const SPIN: Triple = Triple { names: ["avx", "avy", "avz"], meaning: "the angular velocity in 1/s" };
 
-/// Reads the file that `particles.file` names; a relative path starts at `scene_folder`. Row order gives the ids.
-/// Called on rank 0 only. The values are finite; what depends on walls is left to [`super::check`].
+/// Reads the file that `particles.file` names. To be called on rank 0 only.
+///
+/// A relative path starts at `scene_folder`. The order of the rows gives the ids. All values of the result
+/// are finite; [`super::check`] checks them against the walls.
 pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<InitialCondition, Error> {
     let Some(file) = &scene.particles.file else {
         return Err(Error::Input("particles.file is missing: there is no CSV file to read".to_owned()));
@@ -34,8 +37,8 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<InitialCondition, 
     let name = shown(&path);
     let bytes = read_bytes(&path).map_err(|why| {
         Error::Input(format!(
-            "{name}: cannot read the file that particles.file names: {why}: it must be a CSV file, and a relative path \
-             starts at the folder of the scene"
+            "{name}: cannot read the file that particles.file names: {why}: it must be a CSV file, and a \
+             relative path starts at the folder of the scene"
         ))
     })?;
     let text = String::from_utf8(bytes).map_err(|mistake| {
@@ -45,12 +48,12 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<InitialCondition, 
             "{name}:{line}: not UTF-8 text: the file must be a CSV table with the columns x,y,z"
         ))
     })?;
-    // A byte order mark, as some spreadsheets write it.
+    // Some spreadsheets write a byte order mark.
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
     Table { name: &name, text, rotates: scene.rotates() }.read()
 }
 
-/// The content of a file or a pipe. A device may have no end.
+/// The content of a file or a pipe. A device is refused, since it may be endless.
 pub(crate) fn read_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
     let mut file = File::open(path)?;
     let kind = file.metadata()?.file_type();
@@ -62,7 +65,7 @@ pub(crate) fn read_bytes(path: &Path) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A CSV text and what is needed to talk about it.
+/// A CSV text, with its name for messages, and whether the scene has rotation.
 struct Table<'a> {
     name: &'a str,
     text: &'a str,
@@ -87,7 +90,7 @@ impl Table<'_> {
         let spin = self.columns(&header, header_line, &SPIN)?;
         let mut start = InitialCondition::default();
         while self.next(&mut reader, &mut row)? {
-            // A line of blanks.
+            // Skip a line of blanks.
             if header.len() > 1 && row.len() == 1 && row[0].trim().is_empty() {
                 continue;
             }
@@ -115,7 +118,8 @@ impl Table<'_> {
         }
         if start.x.is_empty() {
             return Err(Error::Input(format!(
-                "{}: no particles: there must be a row for each below the first line, which names the columns",
+                "{}: no particles: there must be a row for each below the first line, which names the \
+                 columns",
                 self.name
             )));
         }
@@ -127,7 +131,7 @@ impl Table<'_> {
         read.map_err(|why| Error::Input(format!("{}: not a CSV table: {why}", self.name)))
     }
 
-    /// Numbers of the columns of a vector; none if all three are absent.
+    /// Numbers of the columns of a vector, from 0; `None` if all three are absent.
     fn columns(&self, header: &[String], line: usize, triple: &Triple) -> Result<Option<[usize; 3]>, Error> {
         let mut columns = [None; 3];
         for (column, name) in columns.iter_mut().zip(triple.names) {
@@ -171,7 +175,8 @@ impl Table<'_> {
             ""
         };
         let message = format!(
-            "columns x, y and z are missing: the first line must name them, they are the centre in m; it is {}{hint}",
+            "columns x, y and z are missing: the first line must name them, they are the centre in m; it is \
+             {}{hint}",
             brief(&first)
         );
         Error::Input(format!("{}:{line}: {message}", self.name))
@@ -205,7 +210,7 @@ impl Table<'_> {
         Ok(vector)
     }
 
-    /// Without rotation a spin must be 0.
+    /// The angular velocity of a row, rad/s. It must be 0 if the scene has no rotation.
     fn spin(&self, row: &StringRecord, columns: Option<[usize; 3]>) -> Result<[f64; 3], Error> {
         let spin = self.vector(row, columns, &SPIN)?;
         if !self.rotates {
@@ -222,7 +227,8 @@ impl Table<'_> {
         Error::Input(format!("{}:{}: {message}", self.name, self.line(row)))
     }
 
-    /// Number of the line of a row. The reader's own count is late by blank lines and carriage returns.
+    /// Number of the line of a row, from 1. The count of the CSV reader is wrong after blank lines and
+    /// carriage returns.
     fn line(&self, row: &StringRecord) -> usize {
         let start = row.position().map_or(0, |position| position.byte() as usize);
         let bytes = self.text.as_bytes();

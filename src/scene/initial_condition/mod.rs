@@ -1,4 +1,5 @@
-//! The initial state: from a CSV file or from the paper's randomly perturbed grid, and whether it fits the walls.
+//! The initial condition: from a CSV file or the paper's randomly perturbed grid. Checks that it fits the
+//! walls.
 
 mod file;
 
@@ -12,20 +13,24 @@ use crate::scene::{Grid, Scene, cells_along, shown};
 pub(crate) use file::read_bytes;
 pub use file::read_csv;
 
-/// Initial state of all particles; row `k` is the particle of id `k`, all three lists have one length.
+/// Initial state of all particles. Row `k` is the particle with id `k`. All three lists have the same length.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct InitialCondition {
     /// Centres, m.
     pub x: Vec<[f64; 3]>,
     /// Velocities, m/s.
     pub v: Vec<[f64; 3]>,
-    /// Angular velocities, 1/s.
+    /// Angular velocities, rad/s.
     pub omega: Vec<[f64; 3]>,
 }
 
-/// The randomly perturbed grid of Fig. 4.2a, at rest. Pure: the same on every rank. Cells fill along x, then y, then
-/// z; each centre is that of its cell plus three random shifts in `[0, jitter)`, drawn in id order. A box finite in
-/// x and y with room for a cell, and a seed, are what [`Scene::parse`] and [`Scene::set_seed_if_missing`] see to.
+/// The randomly perturbed grid of Fig. 4.2a, at rest. A pure function: it gives the same on every rank.
+///
+/// Cells are filled along x, then y, then z. A centre is that of its cell plus a random shift in `[0,
+/// jitter)` along each axis. Shifts are drawn in id order.
+///
+/// The scene must have a seed ([`Scene::set_seed_if_missing`]), and a box that is finite in x and y with room
+/// for a cell ([`Scene::parse`] checks that).
 pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
     let sides = scene.container.r#box.clone().unwrap_or_default();
     let cells = |axis: usize| cells_along(sides.max[axis] - sides.min[axis], grid.spacing).max(1);
@@ -46,8 +51,10 @@ pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
     InitialCondition { x, v: still.clone(), omega: still }
 }
 
-/// Checks what needs positions, for either source: all numbers are finite, spins are 0 without rotation, and every
-/// centre lies strictly inside all walls.
+/// Checks the initial condition of either source.
+///
+/// All numbers must be finite, angular velocities must be 0 without rotation, and every centre must lie
+/// strictly inside all walls.
 pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
     let walls = described_walls(&scene.container);
     let rotates = scene.rotates();
@@ -80,11 +87,11 @@ pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
     Ok(())
 }
 
-/// Why spins are refused, and what to do.
-const NO_ROTATION: &str = "this scene has no rotation: spins must be 0 or left out, or rotation switched on by \
-     [friction] with a coefficient > 0 and rotation = true";
+/// Part of messages: why angular velocities are refused, and what to do.
+const NO_ROTATION: &str = "this scene has no rotation: spins must be 0 or left out, or rotation switched on \
+                           by [friction] with a coefficient > 0 and rotation = true";
 
-/// Where the initial state comes from, for messages.
+/// The source of the initial condition, for messages.
 fn origin(scene: &Scene) -> String {
     match &scene.particles.file {
         Some(file) => shown(file),
@@ -92,9 +99,15 @@ fn origin(scene: &Scene) -> String {
     }
 }
 
-/// The speed that errors of velocity are compared with in the scaled norm, m/s: `solver.velocity_scale`; else the speed
-/// of a fall from half a radius, sqrt(g r); without gravity the largest speed of a surface at the start; and where all
-/// is at rest the speed that a contact at F_0 gives, sqrt(F_0/(kappa m)).
+/// The speed with which the scaled norm compares errors of velocity, m/s.
+///
+/// It is `solver.velocity_scale` if the scene gives it. Otherwise it is the first of these that is positive
+/// and finite:
+///
+/// - the speed after a fall from half a radius, sqrt(g r);
+/// - the largest speed of a surface in the initial condition;
+/// - the speed that a contact at F_0 gives, sqrt(F_0/(kappa m));
+/// - 1 m/s.
 pub fn velocity_scale(scene: &Scene, start: &InitialCondition) -> f64 {
     let r = scene.particles.radius;
     let length = |vector: &[f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -148,7 +161,7 @@ mod tests {
         assert_ne!(shifted, start(&["particles.grid.seed=2"]));
         let mut largest: f64 = 0.0;
         for (a, b) in shifted.x.iter().flatten().zip(still.x.iter().flatten()) {
-            // Two roundings near 10 m.
+            // 1e-14 allows for two roundings near 10 m.
             assert!(a - b > -1e-14 && a - b < 0.025 + 1e-14, "{a} {b}");
             largest = largest.max(a - b);
         }
@@ -157,7 +170,8 @@ mod tests {
 
     #[test]
     fn a_seed_gives_the_same_start_for_ever() {
-        // Recorded from rand 0.10 and rand_chacha 0.10: another number would be another experiment.
+        // Values of rand 0.10 and rand_chacha 0.10. Other values would make every seed another initial
+        // condition.
         let x = start(&[]).x;
         assert_eq!([x[0], x[199]], PINNED);
     }
@@ -187,7 +201,7 @@ mod tests {
         assert_eq!(walls.len(), 6);
         assert!(walls[3].1.contains("y = 1 m"), "{}", walls[3].1);
         assert!(walls[5].1.contains("container.wall[0]"));
-        // (0, -3, -4) has length 5.
+        // The normal (0, -3, -4) has length 5.
         assert!((walls[5].0.depth(&[9.0, 1.0, 1.0].into()) - 1.4).abs() < 1e-15);
     }
 

@@ -1,4 +1,4 @@
-//! One recommendation in plain words, from the measured curves.
+//! Turns the measured curves into one recommendation.
 
 use super::ensemble::still_from;
 use super::findings::medians;
@@ -7,11 +7,11 @@ use super::records::{Record, Statistic, Stepper, Study};
 use super::state::POSITION_ERROR;
 use crate::math::digits::scientific;
 
-/// What the recommendation is about.
+/// The data behind a recommendation.
 pub struct Question<'a> {
-    /// All runs but those of a sweep.
+    /// All runs except those of a sweep.
     pub records: &'a [Record],
-    /// Means over the seeds, but those of a sweep.
+    /// Means over the seeds, except those of a sweep.
     pub statistics: &'a [Statistic],
     /// Time at which states are compared, s.
     pub time: Option<f64>,
@@ -19,12 +19,12 @@ pub struct Question<'a> {
     pub radius: f64,
 }
 
-/// Relative error that an impact is asked for.
+/// Relative error that a recommendation for impacts aims at.
 const IMPACT_TARGET: f64 = 1e-3;
 
-/// The recommendation.
+/// Recommends a solver, in a few sentences.
 pub fn recommendation(question: &Question) -> String {
-    // A hundredth of a radius, as a round number.
+    // Aim at a hundredth of a radius, rounded to a power of ten.
     let position = 10f64.powf((0.01 * question.radius).log10().round());
     let of = |study| medians(question.records.iter().filter(|record| record.study == study));
     let state = question.time.and_then(|time| {
@@ -47,24 +47,26 @@ pub fn recommendation(question: &Question) -> String {
     all.join(" ")
 }
 
-/// The cheapest run for an accuracy, and what ten times more accuracy costs; for the smallest error there is where no
-/// run reaches the target.
+/// Recommends the cheapest run that is as accurate as `target`, and says what ten times more accuracy costs.
+///
+/// If no run reaches the target, a power of ten above the smallest error takes its role. `None` if there is
+/// no error to compare.
 fn sentence(runs: &[Record], measure: &str, target: f64, what: impl Fn(f64) -> String) -> Option<String> {
     let all: Vec<(f64, &Record)> = (runs.iter())
         .filter(|record| record.failure.is_none())
         .filter_map(|record| Some((*record.measures.get(measure)?, record)))
         .filter(|(error, _)| error.is_finite())
         .collect();
-    // The right fixed step is known afterwards only, so that it is no advice where there is another.
+    // The right fixed step is known only after the runs. Recommend one only if there is nothing else.
     let (fixed, controlled): (Vec<_>, Vec<_>) =
         all.iter().partition(|(_, record)| record.solver.step.is_some());
     let sound = if controlled.is_empty() { fixed.clone() } else { controlled };
     if sound.iter().all(|&(error, _)| error == 0.0) {
-        // Nothing has happened that a solver could get wrong.
+        // Nothing happened that a solver could get wrong.
         return None;
     }
     let smallest = sound.iter().map(|&(error, _)| error).min_by(f64::total_cmp)?;
-    // A round number above the smallest error.
+    // The next power of ten above the smallest error.
     let target = if smallest <= target { target } else { 10f64.powf(smallest.log10().ceil()) };
     let (error, take) = cheapest(&sound, target)?;
     let rhs = take.work.rhs_evaluations;
@@ -96,12 +98,12 @@ fn sentence(runs: &[Record], measure: &str, target: f64, what: impl Fn(f64) -> S
 
 /// The run with the fewest right-hand sides among those whose error is at most `target`.
 fn cheapest<'a>(runs: &[(f64, &'a Record)], target: f64) -> Option<(f64, &'a Record)> {
-    // Powers of ten carry rounding.
+    // Allow for rounding, because the target is a computed power of ten.
     let enough = |(error, _): &&(f64, &Record)| *error <= target * (1.0 + 1e-9);
     runs.iter().filter(enough).min_by_key(|(_, record)| record.work.rhs_evaluations).copied()
 }
 
-/// Method and tolerance in the words of a scene.
+/// Method with its tolerance or step, as a scene names them.
 fn parameters(record: &Record) -> String {
     let solver = &record.solver;
     match (solver.tolerance, solver.step) {
@@ -111,10 +113,10 @@ fn parameters(record: &Record) -> String {
     }
 }
 
-/// From which tolerance on statistics of the bed stand still.
+/// Says below which tolerance the statistics of the bed no longer change.
 fn bed_sentence(question: &Question) -> Option<String> {
     let mut methods: Vec<Stepper> = Vec::new();
-    // Of a single initial state there is nothing to say.
+    // A single initial state gives no interval, so leave it out.
     let compared =
         |s: &&Statistic| s.solver.step.is_none() && s.paired.is_some_and(|paired| paired.count > 1);
     for statistic in question.statistics.iter().filter(compared) {
@@ -129,8 +131,8 @@ fn bed_sentence(question: &Question) -> Option<String> {
     let loosest = tried.clone().filter_map(|record| record.solver.tolerance).fold(0.0, f64::max);
     let Some(from) = still_from(question.statistics, method, question.radius) else {
         return Some(format!(
-            "That statistics of the bed stand still is not shown at any tolerance tried ({method}): more --seeds give \
-             narrower intervals, smaller --tolerances smaller differences."
+            "That statistics of the bed stand still is not shown at any tolerance tried ({method}): \
+             more --seeds give narrower intervals, smaller --tolerances smaller differences."
         ));
     };
     let rhs = tried
@@ -140,14 +142,15 @@ fn bed_sentence(question: &Question) -> Option<String> {
     let cost = format!("{} right-hand sides a bed", grouped(rhs));
     Some(if from == loosest {
         format!(
-            "Statistics of the bed do not move even at tolerance {from:e} ({method}), the loosest tried: {cost}."
+            "Statistics of the bed do not move even at tolerance {from:e} ({method}), \
+             the loosest tried: {cost}."
         )
     } else {
         format!("Statistics of the bed do not move below tolerance {from:e} ({method}): {cost}.")
     })
 }
 
-/// A count with a space every three digits.
+/// The count with a space after every three digits.
 fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let first = digits.len() % 3;
@@ -203,7 +206,8 @@ mod tests {
         ];
         assert_eq!(
             advice(&records, &[]),
-            "For positions right to 1e-3 m at t = 0.6000 s take auto at tolerance 1e-3: 15 280 right-hand sides, error 9e-4; \
+            "For positions right to 1e-3 m at t = 0.6000 s take auto at tolerance 1e-3: \
+             15 280 right-hand sides, error 9e-4; \
              ten times more accuracy costs 1.9 times as much (auto at tolerance 1e-4)."
         );
         assert!(advice(&records[..3], &[]).contains("no run here was ten times more accurate"));
@@ -212,7 +216,7 @@ mod tests {
         let text = advice(&[records[1].clone(), lucky.clone()], &[]);
         assert!(text.contains("take auto") && text.contains("fixed step of 1e-5 s"), "{text}");
         assert!(advice(&[lucky], &[]).contains("take step of 1e-5 s (velocity-verlet)"));
-        // Where no run is accurate enough, the next power of ten that one reaches.
+        // If no run is accurate enough, the target is the next power of ten that one reaches.
         assert!(advice(&records[..1], &[]).contains("right to 1e-2 m"), "{}", advice(&records[..1], &[]));
     }
 

@@ -1,4 +1,4 @@
-//! A comparison of solvers on one scene: its studies, and the files and the table of what they found.
+//! Runs all studies of a comparison and writes their files and the table.
 
 use super::advice::{Question, recommendation};
 use super::energy::{self, Energies};
@@ -19,7 +19,7 @@ use crate::scene::Scene;
 use crate::studies::job_pool::JobPool;
 use std::path::Path;
 
-/// What is compared.
+/// A comparison of solvers on one scene, ready to run.
 pub struct Comparison<'a> {
     request: &'a Request,
     pool: &'a JobPool<'a>,
@@ -28,7 +28,7 @@ pub struct Comparison<'a> {
     variations: Vec<Variation>,
 }
 
-/// All that was found.
+/// The results of all studies.
 #[derive(Default)]
 pub struct Found {
     studies: Findings,
@@ -38,7 +38,7 @@ pub struct Found {
 }
 
 impl<'a> Comparison<'a> {
-    /// Reads the scene that `request` names and all that is compared on it. Collective.
+    /// Reads the scene of `request`, its initial states and its variations. Collective.
     pub fn load(request: &'a Request, pool: &'a JobPool<'a>) -> Result<Self, Error> {
         let (scene, starts) = load(request, &request.set, pool.comm)?;
         let variations = sweep::variations(request, pool.comm)?;
@@ -49,7 +49,7 @@ impl<'a> Comparison<'a> {
         self.request.asks(study)
     }
 
-    /// Tells how many runs are to come.
+    /// Prints how many runs there will be.
     pub fn announce(&self) {
         let count = |study| match (
             self.asks(study),
@@ -58,7 +58,7 @@ impl<'a> Comparison<'a> {
             (false, _) => 0,
             (true, count) => match study {
                 Study::Impact => count,
-                // And the twin; the reference and its own reference.
+                // Two runs find the time of the comparison. Each initial state adds two references.
                 Study::State => 2 + (count + 2) * self.starts.len(),
                 Study::Energy => count + 1,
                 Study::Ensemble if no_bed(&self.scene, &self.starts[0].1).is_some() => 0,
@@ -84,7 +84,7 @@ impl<'a> Comparison<'a> {
         ));
     }
 
-    /// Does all studies. Collective.
+    /// Runs all studies that the request includes. Collective.
     pub fn found(&self) -> Found {
         let (pool, scene, starts, request) = (self.pool, &self.scene, &self.starts, self.request);
         let first = &starts[0];
@@ -124,7 +124,7 @@ impl<'a> Comparison<'a> {
         found
     }
 
-    /// Writes all files into `folder`; the text for the terminal. On rank 0.
+    /// Writes all files into `folder` and returns the text for the terminal. Rank 0 only.
     pub fn write(&self, folder: &Path, found: &Found) -> Result<String, Error> {
         let (studies, sweep) = (&found.studies, &found.sweep);
         let all: Vec<Record> = studies.records.iter().chain(&sweep.records).cloned().collect();
@@ -184,7 +184,9 @@ impl Found {
     }
 }
 
-/// The records with one line a solver where there is one run a seed; the table itself brings ensembles together.
+/// Replaces the runs of each solver by their medians over the seeds.
+///
+/// The runs of an ensemble stay as they are, because the table groups them itself.
 fn for_terminal(records: &[Record]) -> Vec<Record> {
     let (ensemble, other): (Vec<_>, Vec<_>) =
         records.iter().partition(|record| record.study == Study::Ensemble);

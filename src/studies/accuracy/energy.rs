@@ -1,4 +1,4 @@
-//! How far the energy is from what forces and losses allow.
+//! The study `energy`: how far the energy of a run deviates from what forces and dissipation allow.
 
 use super::findings::{Findings, measures};
 use super::records::{Record, Solver, Study};
@@ -10,29 +10,31 @@ use crate::scene::initial_condition::InitialCondition;
 use crate::studies::job_pool::run::{FrameData, run, work_limit};
 use crate::studies::job_pool::{JobPool, Sample};
 
-/// Largest change of the energy over the largest kinetic energy, where nothing is lost.
+/// Largest change of the energy, divided by the largest kinetic energy. For scenes without dissipation.
 const DRIFT: &str = "energy drift";
-/// Largest energy that is neither there nor accounted for over the largest kinetic energy, where something is lost.
+/// Largest energy that is not accounted for, divided by the largest kinetic energy. For all other scenes.
 const BALANCE: &str = "energy balance";
-/// Frames over which the largest deviation is taken.
+/// Number of frames in which deviations are measured.
 const FRAMES: f64 = 200.0;
-/// Numbers of a frame in a sample: time, kinetic, potential, lost on rebound, lost by friction.
+/// Numbers of a frame in a sample: time, kinetic, potential, dissipated by rebound, dissipated by friction.
 const WIDTH: usize = 5;
 
 /// The energies of one run over time.
 #[derive(Debug, Clone, Default)]
 pub struct Energies {
-    /// Lines for a figure, J over s.
+    /// Lines of a figure: energy (J) over time (s).
     pub lines: Vec<Line>,
 }
 
-/// The measure of this scene: drift or balance.
+/// The measure for this scene: drift or balance.
 pub fn measure(scene: &Scene) -> &'static str {
     let rubs = scene.friction.as_ref().is_some_and(|friction| friction.coefficient > 0.0);
     if scene.contact.restitution == 1.0 && !rubs { DRIFT } else { BALANCE }
 }
 
-/// The energy until t = `time` (s) by every solver, and the energies of an accurate run. Collective.
+/// Measures the energy until t = `time` (s) for every solver. Collective.
+///
+/// Also returns the energies of one accurate run, for the figure.
 pub fn study(
     pool: &JobPool,
     scene: &Scene,
@@ -78,8 +80,9 @@ fn energies(frame: &FrameData) -> [f64; WIDTH] {
     [frame.time, frame.kinetic_energy, frame.potential_energy, rebound, friction]
 }
 
-/// Largest deviation of the energy from that at the start, with what was lost if `balance`, over the largest kinetic
-/// energy; NaN where nothing moves.
+/// Largest deviation of the energy from its first value, divided by the largest kinetic energy.
+///
+/// If `balance`, the dissipated energy is added to the energy. NaN if nothing moves.
 fn deviation(numbers: &[f64], balance: bool) -> f64 {
     let total = |frame: &[f64]| {
         let dissipated = if balance { frame[3] + frame[4] } else { 0.0 };
@@ -92,7 +95,7 @@ fn deviation(numbers: &[f64], balance: bool) -> f64 {
     if kinetic > 0.0 { largest / kinetic } else { f64::NAN }
 }
 
-/// Lines of the energies that are not zero throughout; potential energies from that of the start.
+/// Lines of all energies that are not zero throughout. The potential energy counts from its first value.
 fn lines(numbers: &[f64]) -> Vec<Line> {
     let first = numbers.get(2).copied().unwrap_or(0.0);
     let line = |name: &str, of: fn(&[f64], f64) -> f64| Line {

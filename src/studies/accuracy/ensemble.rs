@@ -1,4 +1,5 @@
-//! Statistics of the bed over several initial states, and from which tolerance on they stop moving.
+//! The study `ensemble`: statistics of the bed over several initial states, and the tolerance below which
+//! they no longer change.
 
 use super::findings::{Findings, by_solver, measures};
 use super::impact::floors;
@@ -11,7 +12,7 @@ use crate::scene::initial_condition::InitialCondition;
 use crate::studies::job_pool::run::{FrameData, run, work_limit};
 use crate::studies::job_pool::{JobPool, Sample};
 
-/// Share of the bed that spheres fill.
+/// Share of the volume of the bed that spheres fill.
 pub const VOLUME_FRACTION: &str = "volume fraction";
 /// Highest point of any sphere, m.
 pub const BED_HEIGHT: &str = "bed height (m)";
@@ -19,13 +20,13 @@ pub const BED_HEIGHT: &str = "bed height (m)";
 pub const COORDINATION: &str = "coordination number";
 /// Largest overlap in any frame, m.
 pub const LARGEST_OVERLAP: &str = "largest overlap (m)";
-/// The statistics in the order of figures.
+/// The statistics, in the order of the figures.
 pub const STATISTICS: [&str; 4] = [VOLUME_FRACTION, BED_HEIGHT, COORDINATION, LARGEST_OVERLAP];
 
-/// Frames of a run, at least.
+/// Least number of frames in a run.
 const FRAMES: f64 = 50.0;
 
-/// Why the scene has no bed, if it has none.
+/// Why the scene has no bed, or `None` if it has one.
 pub fn no_bed(scene: &Scene, start: &InitialCondition) -> Option<&'static str> {
     if start.x.len() < 2 {
         return Some("ensemble: left out, because one sphere is no bed");
@@ -33,21 +34,21 @@ pub fn no_bed(scene: &Scene, start: &InitialCondition) -> Option<&'static str> {
     floors(scene).is_empty().then_some("ensemble: left out, because no wall lies below for a bed to rest on")
 }
 
-/// One solver on one initial state of one scene.
+/// One run: a solver, and an initial state of a scene.
 pub struct Job<'a> {
-    /// The scene, whatever its solver.
+    /// The scene. Its own solver is not used.
     pub scene: &'a Scene,
-    /// Value of a swept key.
+    /// The swept key with its value, in a sweep.
     pub variation: Option<&'a str>,
     /// The solver.
     pub solver: &'a Solver,
-    /// Seed of the start.
+    /// Seed of the initial state.
     pub seed: Option<u64>,
-    /// Where the spheres are at t = 0.
+    /// The initial state, at t = 0.
     pub start: &'a InitialCondition,
 }
 
-/// The bed at t = `until` (s) by every job. Collective.
+/// Runs all jobs until t = `until` (s) and measures their beds. Collective.
 pub fn runs(pool: &JobPool, what: &str, jobs: &[Job], until: f64) -> Vec<Record> {
     let samples = pool.run(what, jobs, |job| bed(job, until));
     let record = |(job, sample): (&Job, &Sample)| Record {
@@ -84,7 +85,7 @@ fn bed(job: &Job, until: f64) -> Sample {
     Sample { numbers, ..sample }
 }
 
-/// The bed by every solver from every start at t = `until` (s). Collective.
+/// Measures the beds at t = `until` (s) for every solver and every initial state in `starts`. Collective.
 pub fn study(
     pool: &JobPool,
     scene: &Scene,
@@ -118,8 +119,10 @@ pub fn study(
     Findings { records, statistics, notes }
 }
 
-/// The solver that others are compared with: the published one if it is there, else the first with the smallest
-/// tolerance, else the one with the smallest step.
+/// The solver that the others are compared with.
+///
+/// It is the published solver if the list has it, otherwise the first one with the smallest tolerance,
+/// otherwise the one with the smallest step.
 fn most_accurate(solvers: &[Solver]) -> Option<&Solver> {
     let tightness = |solver: &Solver| match (solver.method, solver.tolerance, solver.step) {
         (Stepper::Published, ..) => (0, 0.0),
@@ -133,8 +136,9 @@ fn most_accurate(solvers: &[Solver]) -> Option<&Solver> {
     solvers.iter().min_by(order)
 }
 
-/// Means of every statistic and solver, and differences to `best` on the same seeds. A failed run is a value that is
-/// not finite, which makes the interval infinite.
+/// The mean of every statistic for every solver, and the mean difference to `best` for equal seeds.
+///
+/// The value of a failed run is not finite, which makes the interval infinite.
 pub fn statistics(records: &[Record], best: Option<&Solver>) -> Vec<Statistic> {
     let groups = by_solver(records);
     let mut list = Vec::new();
@@ -162,9 +166,10 @@ pub fn statistics(records: &[Record], best: Option<&Solver>) -> Vec<Statistic> {
     list
 }
 
-/// The loosest tolerance of `method` from which on no statistic moves: at it and at every tighter one, every interval
-/// of the difference to the most accurate solver contains 0 and is narrow, or lies within what a user would call the
-/// same, for spheres of radius `r` (m).
+/// The loosest tolerance of `method` below which no statistic changes, for spheres of radius `r` (m).
+///
+/// It and all tighter tolerances must pass a test: the difference to the most accurate solver is small, or
+/// its interval contains 0 and is narrow.
 pub fn still_from(statistics: &[Statistic], method: Stepper, r: f64) -> Option<f64> {
     let mut tolerances: Vec<f64> = (statistics.iter())
         .filter(|statistic| statistic.solver.method == method)
@@ -176,16 +181,16 @@ pub fn still_from(statistics: &[Statistic], method: Stepper, r: f64) -> Option<f
         let of = |s: &&Statistic| s.solver.method == method && s.solver.tolerance == Some(*tolerance);
         statistics.iter().filter(of).all(|s| match s.paired {
             Some(paired) => same(&paired, &s.measure, r),
-            // The most accurate solver itself, if all of its runs were sound.
+            // The most accurate solver itself. Its interval is infinite if one of its runs failed.
             None => s.interval.half_width.is_finite(),
         })
     };
     tolerances.into_iter().take_while(still).last()
 }
 
-/// Whether a difference is none that a user would see.
+/// Whether the difference is too small to matter to a user, for spheres of radius `r` (m).
 fn same(paired: &Interval, measure: &str, r: f64) -> bool {
-    // What would be seen, and the half-width of an interval that could hide it.
+    // The smallest difference that matters, and the half-width above which an interval could hide one.
     let (seen, blind) = match measure {
         VOLUME_FRACTION => (0.004, 0.006),
         BED_HEIGHT => (0.02 * r, 0.04 * r),
@@ -219,7 +224,7 @@ mod tests {
         }
     }
 
-    /// Fractions by tolerance over the seeds 1 to 3.
+    /// Statistics of volume fractions, given by tolerance for the seeds 1 to 3.
     fn statistics_of(lists: &[(f64, [Option<f64>; 3])]) -> Vec<Statistic> {
         let records: Vec<Record> = (lists.iter())
             .flat_map(|&(tolerance, list)| (1..).zip(list).map(move |(seed, f)| record(tolerance, seed, f)))
@@ -236,7 +241,7 @@ mod tests {
             (1e-3, [Some(0.60), Some(0.70), Some(0.65)]),
         ]);
         let paired = found[0].paired.unwrap();
-        // The seeds differ by 0.1, the differences not at all; rounding of some 1e-17.
+        // Values differ by 0.1 between seeds, but the differences are equal up to a rounding of about 1e-17.
         assert!((paired.mean - 0.01).abs() < 1e-15 && paired.half_width < 1e-15, "{paired:?}");
         assert!(found[0].interval.half_width > 0.05);
         assert_eq!(found[1].paired, None);
@@ -252,9 +257,9 @@ mod tests {
         };
         assert_eq!(still_from(&rows(biased, still, noisy), AUTO, 0.1), Some(1e-2));
         assert_eq!(still_from(&rows(still, noisy, still), AUTO, 0.1), Some(1e-1));
-        // A wide interval hides anything.
+        // A wide interval could hide a difference, so it shows nothing.
         assert_eq!(still_from(&rows(still, [0.1, -0.1, 0.0], still), AUTO, 0.1), Some(1e-3));
-        // An interval that contains 0 by chance beyond one that does not shows nothing.
+        // At 1e-1 the interval contains 0 by chance. This does not count: at 1e-2 it does not contain 0.
         assert_eq!(still_from(&rows(noisy, biased, still), AUTO, 0.1), Some(1e-3));
         assert_eq!(still_from(&rows(still, still, still), Stepper::Method(MethodName::Merson), 0.1), None);
         let failed = statistics_of(&[(1e-1, [Some(0.6), Some(0.7), None]), (1e-4, moved([0.0; 3]))]);

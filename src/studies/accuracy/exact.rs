@@ -1,15 +1,19 @@
-//! Exact answers for one sphere that hits a plane: m l'' = F(l) rho(-l') - m g with the paper's repulsion F, eq. (2.1),
-//! and rebound function rho, eq. (2.4). Nothing here uses the contact law or the integrators of the simulation.
+//! Exact solutions for one sphere that hits a plane: m l'' = F(l) rho(-l') - m g.
+//!
+//! F is the repulsion of the paper, eq. (2.1), and rho the rebound function, eq. (2.4).
+//!
+//! Nothing here uses the contact law or the integrators of the simulation, so that the comparison is
+//! independent.
 
 use std::f64::consts::PI;
 use std::num::NonZeroUsize;
 
 use gauss_quad::GaussLegendre;
 
-/// A sphere, and the law of its contact with a plane.
+/// A sphere and its contact law with a plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impact {
-    /// Mass m, kg; > 0. Half of it for a head-on impact of two equal spheres.
+    /// Mass m, kg; > 0. For a head-on impact of two equal spheres, half the mass of one.
     pub mass: f64,
     /// Repulsion at contact F_0, N; > 0.
     pub f_0: f64,
@@ -17,29 +21,32 @@ pub struct Impact {
     pub kappa: f64,
     /// Coefficient of restitution, 0..=1.
     pub e: f64,
-    /// Dissipation focusing psi, s/m; > 0.
+    /// Dissipation focusing coefficient psi, s/m; > 0.
     pub psi: f64,
     /// Largest gap at which the plane repels, m.
     pub l_max: f64,
 }
 
-/// Time until the next highest point, s, of a ball that is released at rest `height` (m) above a hard floor under the
-/// gravity `g` (m/s^2) and keeps the share `e` of its speed: the paper's formula beside Table 4.1.
+/// Time from the release of a ball to its highest point after one rebound from a hard floor, s (Table 4.1).
+///
+/// The ball starts at rest at `height` (m) above the floor, under the gravity `g` (m/s^2). It keeps the share
+/// `e` of its speed.
 pub fn hard_rebound_time(height: f64, g: f64, e: f64) -> f64 {
     (1.0 + e) * (2.0 * height / g).sqrt()
 }
 
 impl Impact {
-    /// Speed of separation over the speed of approach `v_in` (m/s; > 0) without gravity. Exact at equal gaps before
-    /// and after, whatever the gap: m v dv = F rho dl gives
-    /// int_0^{v_in} u/rho(u) du = int_0^{v_out} u/rho(-u) du, independent of F_0, kappa and the mass.
+    /// Speed of separation divided by the speed of approach `v_in` (m/s; > 0), without gravity.
+    ///
+    /// Both speeds are taken at the same gap; the result holds for any gap. From m v dv = F rho dl follows
+    /// int_0^{v_in} u/rho(u) du = int_0^{v_out} u/rho(-u) du. It does not depend on F_0, kappa and mass.
     pub fn restitution(&self, v_in: f64) -> f64 {
-        // In z = 2 psi u the rebound function has the width 1, and its nearest pole is pi away.
+        // In z = 2 psi u, the rebound function varies over a width of 1. Its nearest pole is at distance pi.
         let nodes = GaussLegendre::new(const { NonZeroUsize::new(12).expect("12 is not 0") });
         let integral =
             |sign: f64, from: f64, to: f64| nodes.integrate(from, to, |z| z / rebound(self.e, sign * z));
         let z_in = 2.0 * self.psi * v_in;
-        // Beyond these, rho is constant to the last bit, at 1 and at e^2.
+        // Beyond these values rho is constant to the last bit: 1 on approach, e^2 on separation.
         let bend_in = 40.0f64;
         let bend_out = (40.0 - 2.0 * self.e.ln()).min(700.0);
         let mut left = panels(z_in.min(bend_in)).map(|[from, to]| integral(1.0, from, to)).sum::<f64>()
@@ -55,8 +62,10 @@ impl Impact {
         (bend_out * bend_out + 2.0 * rebound(self.e, -bend_out) * left).sqrt() / z_in
     }
 
-    /// Time (s) of an impact without gravity that begins with the speed `v_in` (m/s; >= 0) at the gap `gap` (m; up to
-    /// `l_max`) and ends when the surface is back there; and the speed then, m/s. NaN where the numbers overflow.
+    /// Time (s) of an impact without gravity, and the speed at its end (m/s).
+    ///
+    /// The impact begins at the gap `gap` (m; up to `l_max`) with the speed `v_in` (m/s; >= 0). It ends when
+    /// the surface is back at that gap. NaN if the numbers overflow.
     pub fn contact_time(&self, v_in: f64, gap: f64) -> (f64, f64) {
         if v_in == 0.0 {
             return (0.0, 0.0);
@@ -73,24 +82,27 @@ impl Impact {
         (f64::NAN, f64::NAN)
     }
 
-    /// Acceleration away from the plane, m/s^2, at the gap `l` (m) that grows at the rate `v` (m/s), under the gravity
-    /// `g` (m/s^2).
+    /// Acceleration away from the plane, m/s^2.
+    ///
+    /// The gap is `l` (m) and grows at the rate `v` (m/s). The gravity is `g` (m/s^2).
     pub fn acceleration(&self, l: f64, v: f64, g: f64) -> f64 {
         let repulsion = if l <= self.l_max { self.f_0 * (-self.kappa * l).exp() } else { 0.0 };
         repulsion * rebound(self.e, -2.0 * self.psi * v) / self.mass - g
     }
 
-    /// Time (s) until the next highest point after a release at rest with `height` (m) between the surface and the
-    /// floor, under the gravity `g` (m/s^2; > 0). Infinite where the sphere creeps to its place of rest without
-    /// turning, NaN where the numbers overflow.
+    /// Time (s) until the next highest point after a release at rest, under the gravity `g` (m/s^2; > 0).
+    ///
+    /// `height` (m) is the gap at the release. Infinite if the sphere creeps to its position of rest without
+    /// turning. NaN if the numbers overflow.
     pub fn rebound_time(&self, height: f64, g: f64) -> f64 {
         let fall = (2.0 * (height - self.l_max).max(0.0) / g).sqrt();
         let (mut t, mut l, mut v) = (fall, height.min(self.l_max), -g * fall);
-        // Time in which a sphere at rest on the floor swings by one radian, and how long it has been slow, s.
+        // Time in which a sphere at rest on the floor swings by one radian, and how long the motion has been
+        // slow, s.
         let (natural, mut slow) = ((g * self.kappa).sqrt().recip(), 0.0);
         while v.is_finite() {
             let piece = Piece::new(self, l, v, g);
-            // First, because a sphere that leaves turns where gravity alone lets it.
+            // Test this first: a sphere that leaves the range of the repulsion turns under gravity alone.
             if let Some(leave) = piece.rises_through(self.l_max) {
                 return t + leave + piece.v(leave) / g;
             }
@@ -110,27 +122,35 @@ impl Impact {
 
 /// Order of the Taylor series.
 const ORDER: usize = 20;
-/// Size of the last terms of a series, compared with the speeds of the impact.
+/// Size of the last terms of a series, relative to the speeds of the impact.
 const TRUNCATION: f64 = 1e-17;
-/// After so many natural times of slow motion nothing turns: at the latest after 28 the swing has decayed to 1e-12.
+/// A sphere that has moved slowly for this many natural times no longer turns.
+///
+/// Any swing has decayed to 1e-12 after 28 natural times.
 const CREEP: f64 = 60.0;
 
-/// A short piece of the motion as Taylor series of the gap l and its rate v.
+/// A short piece of the motion, as Taylor series of the gap l and its rate v.
 ///
-/// Why not a Runge-Kutta method from a crate: the simulation itself is one, `ode_solvers` brings a second nalgebra, and
-/// the moments when l = l_max and v = 0 have to be found as well as the motion. The equation suits a series: with
-/// w = F/m and the logistic part s of rho,
-/// l' = v, v' = w (e^2 + (1 - e^2) s) - g, w' = -kappa v w, s' = -2 psi v' s (1 - s)
-/// has products only, whose coefficients follow one from another, and crossings are roots of polynomials.
+/// With w = F/m and the logistic part s of rho, the equation is
+///
+/// - l' = v,
+/// - v' = w (e^2 + (1 - e^2) s) - g,
+/// - w' = -kappa v w,
+/// - s' = -2 psi v' s (1 - s).
+///
+/// These have products only, so each coefficient of a series follows from those before it. The times of
+/// l = l_max and of v = 0 are roots of polynomials.
+///
+/// A Runge-Kutta method would not be an independent check, because the simulation itself uses one.
 struct Piece {
     l: [f64; ORDER + 1],
     v: [f64; ORDER + 1],
-    /// How long the series hold to the last digits, s.
+    /// Time up to which the series are accurate to the last digits, s.
     h: f64,
 }
 
 impl Piece {
-    /// From the gap `l` (m) with the rate `v` (m/s) under the gravity `g` (m/s^2).
+    /// The motion from the gap `l` (m) with the rate `v` (m/s), under the gravity `g` (m/s^2).
     fn new(impact: &Impact, l: f64, v: f64, g: f64) -> Self {
         let Impact { mass, f_0, kappa, e, psi, .. } = *impact;
         let mut piece = Piece { l: [0.0; ORDER + 1], v: [0.0; ORDER + 1], h: 0.0 };
@@ -150,10 +170,11 @@ impl Piece {
             w[k + 1] = -kappa * product(&piece.v, &w, k) / next;
             s[k + 1] = -2.0 * psi * product(&v_rate, &s_rest, k) / next;
         }
-        // The speed that the force or gravity gives over the length 1/kappa counts where v itself is 0.
+        // If v is 0, the scale of speed is the one that force or gravity gives over the length 1/kappa.
         let speed = v.abs() + ((w[0] + g) / kappa).sqrt();
-        // Never longer than the impact takes to change, so that no crossing escapes, nor near the pole of rho at
-        // 2 psi v = i pi: far from it the series shows nothing of the bend to come.
+        // A piece must not be longer than the time in which the impact changes, or it could miss a crossing.
+        // Near the pole of rho at 2 psi v = i pi it must be short: far from the pole the series does not show
+        // the bend ahead.
         let pole = (2.0 * psi * v).hypot(PI) / (2.0 * psi * piece.v[1].abs());
         let widest = (1.0 / (kappa * speed)).min(TRUNCATION.powf(1.0 / ORDER as f64) * pole);
         piece.h = [ORDER - 1, ORDER]
@@ -170,15 +191,15 @@ impl Piece {
         polynomial(&self.v, t)
     }
 
-    /// When the rate changes from rising to falling.
+    /// Time at which the sphere stops rising and begins to fall, s; `None` if this piece has no such time.
     fn highest_point(&self) -> Option<f64> {
         (self.v[0] > 0.0 && self.v(self.h) <= 0.0)
             .then(|| root(0.0, self.h, |t| (-self.v(t), -slope(&self.v, t))))
     }
 
-    /// When the gap opens beyond `gap`.
+    /// Time at which the gap grows beyond `gap` (m), s; `None` if this piece has no such time.
     fn rises_through(&self, gap: f64) -> Option<f64> {
-        // Without the constant term, so that a dip of any depth is seen.
+        // Leave out the constant term, so that rounding does not hide a shallow dip.
         let beyond = |t: f64| t * polynomial(&self.l[1..], t) - (gap - self.l[0]);
         let end = self.highest_point().unwrap_or(self.h);
         (self.v(end) >= 0.0 && beyond(end) >= 0.0).then(|| {
@@ -189,7 +210,7 @@ impl Piece {
     }
 }
 
-/// From 0 to `end` in pieces of length 1 and a shorter last one.
+/// Divides the range from 0 to `end` into panels of length 1. The last panel may be shorter.
 fn panels(end: f64) -> impl Iterator<Item = [f64; 2]> {
     (0..end.ceil() as u32).map(move |k| [f64::from(k), f64::from(k + 1).min(end)])
 }
@@ -199,7 +220,7 @@ fn rebound(e: f64, z: f64) -> f64 {
     e * e + (1.0 - e * e) * logistic(z)
 }
 
-/// (1 + tanh(z/2))/2, with all digits also where it is small.
+/// (1 + tanh(z/2))/2, accurate to all digits even if it is small.
 fn logistic(z: f64) -> f64 {
     1.0 / (1.0 + (-z).exp())
 }
@@ -218,11 +239,13 @@ fn slope(coefficients: &[f64], t: f64) -> f64 {
     coefficients.iter().enumerate().skip(1).rev().fold(0.0, |sum, (k, c)| sum * t + k as f64 * c)
 }
 
-/// The root between `low` and `high` of an increasing function, given with its slope: Newton's method, and halving
-/// where that would leave the bracket.
+/// The root of an increasing function between `low` and `high`. `f` returns the function and its slope.
+///
+/// It uses Newton's method, and bisection if a step of Newton's would leave the bracket.
 fn root(mut low: f64, mut high: f64, f: impl Fn(f64) -> (f64, f64)) -> f64 {
     let mut t = high;
-    // 100 halvings are more than any two numbers of one sign and size need; Newton's steps mostly end after a few.
+    // 100 bisections are enough for any two numbers of the same sign and size. Newton's method needs fewer
+    // steps.
     for _ in 0..100 {
         let (value, slope) = f(t);
         if value > 0.0 {
@@ -251,7 +274,7 @@ mod tests {
 
     #[test]
     fn slow_impacts_are_nearly_elastic_and_fast_ones_lose_what_e_says() {
-        // From an independent integration, to its last printed digit.
+        // Speeds, and restitutions from an independent integration, exact to the last printed digit.
         for (v, printed, digit) in [
             (0.001, 0.9952, 1e-4),
             (0.01, 0.9540, 1e-4),
@@ -268,7 +291,8 @@ mod tests {
             let restitution = impact(150.0, 0.4).restitution(v);
             assert!((restitution - printed).abs() <= 0.5 * digit, "{v}: {restitution}, printed {printed}");
         }
-        // 1 - (2/3) (b psi/rho(0)) v for small v; the next term is of the order (psi v)^2.
+        // For small v, the restitution is 1 - (2/3) (b psi/rho(0)) v, with b = (1 - e^2)/2. The next term is
+        // of the order (psi v)^2.
         let v = 1e-6;
         let loss = 1.0 - impact(150.0, 0.4).restitution(v);
         assert!((loss / (2.0 / 3.0 * 0.42 * 10.0 / 0.58 * v) - 1.0).abs() < 1e-4, "{loss}");
@@ -277,12 +301,13 @@ mod tests {
     #[test]
     fn restitution_has_the_limits_of_e() {
         assert_eq!(impact(150.0, 1.0).restitution(3.0), 1.0);
-        // e = 0, z = 2 psi v: z_in^2/2 + 1 = z_out^2/2 + (z_out - 1) exp(z_out) + 1, where exp(-z_in) vanishes.
+        // With e = 0 and z = 2 psi v: z_in^2/2 + 1 = z_out^2/2 + (z_out - 1) exp(z_out) + 1.
+        // The term exp(-z_in) vanishes.
         let z_in = 2.0 * 10.0 * 20.0;
         let z_out = z_in * impact(150.0, 0.0).restitution(20.0);
         let out = z_out * z_out / 2.0 + (z_out - 1.0) * z_out.exp() + 1.0;
         assert!((out / (z_in * z_in / 2.0 + 1.0) - 1.0).abs() < 1e-14, "{out}: some roundings");
-        // A rebound function too sharp to see leaves e; what it adds is of the order 1/(psi v)^2.
+        // If the rebound function is very sharp, e remains; the rest is of the order 1/(psi v)^2.
         let sharp = Impact { psi: 1e7, ..impact(150.0, 0.3) };
         assert!((sharp.restitution(2.0) - 0.3).abs() < 1e-13);
         for e in [1e-200, 1e-3, 0.5, 0.999_999] {
@@ -295,7 +320,8 @@ mod tests {
 
     #[test]
     fn time_to_the_next_highest_point_has_the_known_values() {
-        // s, from the classical Runge-Kutta method with 80-bit numbers, two step sizes extrapolated.
+        // Times in s from the classical Runge-Kutta method, with 80-bit numbers and two extrapolated step
+        // sizes.
         for (kappa, e2, height, exact) in [
             (30.0, 1.0, 16.0, 3.640_515_464_736_821),
             (150.0, 1.0, 16.0, 3.619_071_681_496_032_5),
@@ -307,18 +333,18 @@ mod tests {
             (150.0, 0.16, 16.0, 2.534_527_969_296_741_6),
             (500.0, 0.16, 16.0, 2.530_591_500_521_691_5),
             (150.0, 0.16, 0.5, 0.470_592_028_781_566_5),
-            // Released within the reach of the floor, and never out of it.
+            // The sphere starts within the interaction distance of the floor and never leaves it.
             (150.0, 0.16, 0.1, 0.252_454_801_644_515_3),
             (150.0, 0.16, 0.05, 0.318_887_533_329_558_8),
             (150.0, 0.16, 0.01, 0.351_683_577_187_478_4),
-            // Below the place of rest: first up.
+            // The sphere starts below its position of rest and first moves up.
             (150.0, 0.16, -0.01, 0.280_887_230_263_111_1),
         ] {
             let t = impact(kappa, f64::sqrt(e2)).rebound_time(height, G);
-            // Some roundings, more where the slow end of a swing shows them.
+            // The tolerance is a few roundings, and more where a swing ends slowly.
             assert!((t / exact - 1.0).abs() < 5e-13, "{kappa} {e2} {height}: {t}");
         }
-        // With unlimited reach, from another integration, to the last printed digit.
+        // Unlimited interaction distance. Values from another integration, exact to the last printed digit.
         for (kappa, elastic, half) in
             [(30.0, 3.64052, 3.10923), (150.0, 3.61907, 3.08946), (500.0, 3.61453, 3.08532)]
         {
@@ -332,14 +358,15 @@ mod tests {
         for e in [1.0, 0.7] {
             let hard = hard_rebound_time(16.0, G, e);
             let stiff = Impact { psi: 1e5, l_max: 1e-5, ..impact(1e7, e) }.rebound_time(16.0, G);
-            // It yields for some 1/(kappa v) = 6e-9 s, times a logarithm, and acts from l_max on.
+            // The contact lasts about 1/(kappa v) = 6e-9 s times a logarithm, and it acts from l_max on.
             assert!((stiff - hard).abs() < 5e-7, "{e}: {stiff}");
         }
     }
 
     #[test]
     fn an_overdamped_sphere_creeps_to_its_place_of_rest() {
-        // For e = 0 the damping ratio b psi g/(2 rho(0) sqrt(kappa g)) is 0.1279 psi: below 1 it turns.
+        // For e = 0 the damping ratio b psi g/(2 rho(0) sqrt(kappa g)) is 0.1279 psi, with b = (1 - e^2)/2.
+        // The sphere turns if it is below 1.
         for (psi, turns) in [(7.5, true), (10.0, false), (100.0, false), (1e4, false)] {
             let t = Impact { psi, ..impact(150.0, 0.0) }.rebound_time(0.03, G);
             assert_eq!(t.is_finite(), turns, "{psi}: {t}");
@@ -355,8 +382,8 @@ mod tests {
 
     #[test]
     fn an_elastic_contact_lasts_as_its_energy_says() {
-        // exp(-kappa l) = A sech^2(kappa u t/2) with A = kappa m u^2/(2 F_0), u the speed far away.
-        // At the gap of the beginning sinh(kappa u t/2) is v sqrt(kappa m/(2 F)).
+        // exp(-kappa l) = A sech^2(kappa u t/2) with A = kappa m u^2/(2 F_0), where u is the speed far away.
+        // At the initial gap, sinh(kappa u t/2) = v sqrt(kappa m/(2 F)).
         for (v, gap, mass) in [(1.0, 0.02, 1.0), (17.718, 0.1, 1.0), (1e-3, 0.05, 0.5), (8.0, -0.01, 2.0)] {
             let impact = Impact { mass, ..impact(150.0, 1.0) };
             let repulsion = 10.0 * f64::exp(-150.0 * gap);
@@ -365,7 +392,7 @@ mod tests {
             let (t, v_out) = impact.contact_time(v, gap);
             assert!((t / exact - 1.0).abs() < 1e-13 && (v_out / v - 1.0).abs() < 1e-13, "{v}: {t} {v_out}");
         }
-        // Time above 1 % of the greatest force: 79.8 ms at 1 m/s.
+        // Time during which the force exceeds 1 % of its maximum: 79.8 ms at 1 m/s.
         let (t, _) = impact(150.0, 1.0).contact_time(f64::sqrt(0.99), -f64::ln(0.075) / 150.0);
         assert!((t - 4.0 * f64::acosh(10.0) / 150.0).abs() < 1e-14 && (t - 79.8e-3).abs() < 5e-5);
         assert_eq!(impact(150.0, 0.5).contact_time(0.0, 0.01), (0.0, 0.0));
@@ -379,7 +406,7 @@ mod tests {
             {
                 let impact = impact(150.0, e);
                 let (_, v_out) = impact.contact_time(v, gap);
-                // Roundings of some hundred steps.
+                // The tolerance allows for the roundings of a few hundred steps.
                 assert!((v_out / v - impact.restitution(v)).abs() < 2e-14, "{e} {v}: {v_out}");
             }
         }

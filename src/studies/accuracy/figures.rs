@@ -1,4 +1,4 @@
-//! The figures of a comparison.
+//! The figures of a comparison of solvers.
 
 use super::energy::{Energies, measure};
 use super::ensemble::STATISTICS;
@@ -15,7 +15,7 @@ use crate::math::interval::Interval;
 use crate::scene::Scene;
 use std::path::{Path, PathBuf};
 
-/// What the figures show.
+/// The data that the figures show.
 pub struct Shown<'a> {
     /// Name of the scene, for titles.
     pub name: &'a str,
@@ -25,7 +25,7 @@ pub struct Shown<'a> {
     pub records: &'a [Record],
     /// Means of the ensemble.
     pub statistics: &'a [Statistic],
-    /// How the reference and its twin part, and the time of the comparison (s).
+    /// Distance between the reference and its twin over time, and the time of the comparison (s).
     pub separation: Option<(&'a Separation, f64)>,
     /// Energies of an accurate run.
     pub energies: Option<&'a Energies>,
@@ -36,7 +36,7 @@ pub struct Shown<'a> {
 }
 
 impl Shown<'_> {
-    /// Draws all figures that there is something for into `folder`; their names.
+    /// Draws all figures that have data into `folder`; returns their names.
     pub fn draw(&self, folder: &Path) -> Result<Vec<String>, Error> {
         let mut drawn = Vec::new();
         let mut file = |name: &str| -> PathBuf {
@@ -104,7 +104,7 @@ impl Shown<'_> {
 
 const ENERGY_LABEL: &str = "error of the energy over the largest kinetic energy";
 
-/// One curve a method, of runs in the order from loose to tight.
+/// One curve for each method, with its runs from loose to tight.
 fn curves_of(runs: &[Record], measure: &str) -> Vec<Curve> {
     let mut curves: Vec<Curve> = Vec::new();
     for run in runs {
@@ -137,8 +137,10 @@ fn separation_lines(separation: &Separation) -> Vec<Line> {
     ]
 }
 
-/// Two panels a statistic, tolerance across: its mean, and the difference to the most accurate solver, from which
-/// the differences between seeds are gone. Fixed steps have no place there.
+/// Two panels for each statistic, with the tolerance on the horizontal axis.
+///
+/// One shows the mean. The other shows the difference to the most accurate solver, which does not contain the
+/// differences between seeds. Solvers with fixed steps have no tolerance, so they are left out.
 fn ensemble_panels(statistics: &[Statistic]) -> Vec<Panel> {
     let panel = |name: &str, title: String, of: fn(&Statistic) -> Option<Interval>| {
         let mut groups: Vec<Group> = Vec::new();
@@ -164,7 +166,8 @@ fn add(groups: &mut Vec<Group>, name: &str, bar: Bar) {
     }
 }
 
-/// One panel a measure of the impact or statistic of the bed, values of the key across.
+/// One panel for each measure of the impact and each statistic of the bed, with the values of the key on the
+/// horizontal axis.
 fn sweep_panels(records: &[Record], statistics: &[Statistic]) -> Vec<Panel> {
     let mut names: Vec<&str> = Vec::new();
     for variation in records.iter().filter_map(|record| record.variation.as_deref()) {
@@ -204,7 +207,7 @@ fn sweep_panels(records: &[Record], statistics: &[Statistic]) -> Vec<Panel> {
             let (Some(x), Some(&mean)) = (place(&record.variation), record.measures.get(measure)) else {
                 continue;
             };
-            // One run, and no chance in it.
+            // There is a single run without randomness, so the interval has no width.
             add(&mut groups, "impact", Bar { x, interval: Interval { mean, half_width: 0.0, count: 1 } });
         }
         panels.push(panel(measure, groups));

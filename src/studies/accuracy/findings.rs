@@ -1,20 +1,20 @@
-//! What a study found, and runs of many seeds in one.
+//! The results of a study, and medians over runs with different seeds.
 
 use super::records::{Record, Statistic, Work};
 use std::collections::BTreeMap;
 
-/// What a study found.
+/// The results of a study.
 #[derive(Debug, Clone, Default)]
 pub struct Findings {
     /// Its runs.
     pub records: Vec<Record>,
     /// Its means over the seeds.
     pub statistics: Vec<Statistic>,
-    /// What a reader must know to judge the numbers.
+    /// Notes that a reader needs to judge the numbers.
     pub notes: Vec<String>,
 }
 
-/// Measures by name; those that are NaN do not exist.
+/// Measures by name. A measure that is NaN is left out.
 pub fn measures<const N: usize>(list: [(&str, f64); N]) -> BTreeMap<String, f64> {
     list.into_iter()
         .filter(|(_, value)| !value.is_nan())
@@ -22,7 +22,7 @@ pub fn measures<const N: usize>(list: [(&str, f64); N]) -> BTreeMap<String, f64>
         .collect()
 }
 
-/// The records in groups of one solver and variation, in the order of their first members.
+/// Groups the records by study, solver and variation, in the order of their first members.
 pub fn by_solver<'a>(records: impl IntoIterator<Item = &'a Record>) -> Vec<Vec<&'a Record>> {
     let mut groups: Vec<Vec<&Record>> = Vec::new();
     for record in records {
@@ -39,8 +39,10 @@ pub fn by_solver<'a>(records: impl IntoIterator<Item = &'a Record>) -> Vec<Vec<&
     groups
 }
 
-/// One record a solver: medians over its seeds, of work and of every measure. A failed run counts as one whose measures
-/// are infinite; the record has failed where that makes a median infinite, with the reason of the first.
+/// One record for each solver, with the medians of work and of every measure over its seeds.
+///
+/// The measures of a failed run count as infinite. If at least half of the runs failed, the record has failed
+/// too, with the reason of the first failure.
 pub fn medians<'a>(records: impl IntoIterator<Item = &'a Record>) -> Vec<Record> {
     by_solver(records).into_iter().map(|group| median_record(&group)).collect()
 }
@@ -72,7 +74,7 @@ fn median_record(group: &[&Record]) -> Record {
     Record { seed: None, work, measures, failure, ..group[0].clone() }
 }
 
-/// The middle one of the values, or the mean of the two in the middle; NaN of nothing.
+/// The middle value, or the mean of the two in the middle; NaN for an empty list.
 pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     match (values.len(), values.len() / 2) {

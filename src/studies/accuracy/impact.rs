@@ -1,4 +1,6 @@
-//! One impact: a sphere of the scene falls onto a floor, and is thrown at it without gravity; both have exact answers.
+//! The study `impact`: one sphere hits a floor. It falls under gravity, and it is thrown without gravity.
+//!
+//! Both motions have exact solutions.
 
 use super::exact::Impact;
 use super::findings::{Findings, measures};
@@ -14,40 +16,45 @@ use crate::studies::job_pool::{JobPool, Sample};
 pub const REBOUND_ERROR: &str = "error of rebound time";
 /// Relative error of the restitution.
 pub const RESTITUTION_ERROR: &str = "error of restitution";
-/// Relative error of the time within reach of the floor.
+/// Relative error of the time within the interaction distance of the floor.
 const CONTACT_ERROR: &str = "error of contact time";
 /// Time to the next highest point, s.
 pub const REBOUND_TIME: &str = "rebound time (s)";
-/// Speed of separation over speed of approach.
+/// Speed of separation divided by speed of approach.
 pub const RESTITUTION: &str = "restitution";
 
-/// Frames of each of the two runs: how often the work is compared with its limit. Few, because a frame between two steps
-/// costs some methods right-hand sides.
+/// Number of frames in each of the two runs. At each frame the work is compared with its limit.
+///
+/// There are few, because a frame between two steps costs some methods right-hand sides.
 const FRAMES: f64 = 4.0;
-/// Height of the fall where the scene suggests none, m.
+/// Height of the fall, m, if the scene does not determine one.
 const HEIGHT: f64 = 1.0;
 
-/// The impact that belongs to a scene, and its exact answers.
+/// The impact of a sphere of a scene, and its exact solutions.
 #[derive(Debug, Clone)]
 pub struct Setup {
     /// Gap at the release, m.
     pub height: f64,
     /// Gravity, m/s^2.
     pub g: f64,
-    /// Speed of the throw without gravity, m/s: that of the fall within reach of the floor.
+    /// Speed of the throw without gravity, m/s.
+    ///
+    /// It is the speed of the fall at the interaction distance from the floor. If there is no fall, it is the
+    /// velocity scale of the scene.
     speed: f64,
     law: Impact,
-    /// Time to the next highest point, s; none without gravity and where the sphere creeps to rest.
+    /// Exact time to the next highest point, s; `None` without gravity, or if the sphere creeps to rest.
     pub rebound_time: Option<f64>,
-    /// Speed of separation over speed of approach in the throw.
+    /// Exact speed of separation divided by speed of approach in the throw.
     pub restitution: f64,
-    /// Time within reach of the floor in the throw, s.
+    /// Exact time within the interaction distance of the floor in the throw, s.
     contact_time: f64,
     scene: Scene,
 }
 
 impl Setup {
-    /// The fall from the highest starting centre of the scene onto its lowest floor, of one sphere without friction.
+    /// The fall of one sphere without friction, from the highest initial centre of the scene onto its lowest
+    /// floor.
     pub fn of(scene: &Scene, start: &InitialCondition) -> Setup {
         let (r, g) = (scene.particles.radius, gravity(scene));
         let contact = &scene.contact;
@@ -70,7 +77,7 @@ impl Setup {
         alone.container = Container { r#box: None, wall: vec![WallPlane::default()] };
         alone.gravity = [0.0, 0.0, -g];
         alone.output.energy = false;
-        // Errors count as much as in the scene itself.
+        // Errors then have the same weight as in the scene itself.
         alone.solver.velocity_scale = Some(scale);
         Setup {
             height,
@@ -84,7 +91,10 @@ impl Setup {
         }
     }
 
-    /// Time to the next highest point and restitution by `solver`; NaN where there is none.
+    /// Simulates the throw and the fall with `solver`.
+    ///
+    /// The numbers are the restitution, the contact time (s) and, if the fall has one, the time to the next
+    /// highest point (s).
     pub fn simulate(&self, solver: &Solver) -> Sample {
         let scene = with_solver(&self.scene, solver);
         let mut sample = self.throw(scene.clone());
@@ -101,7 +111,10 @@ impl Setup {
         sample
     }
 
-    /// Without gravity from one l_max beyond the reach of the floor, and as far again after the exact time of the contact.
+    /// The throw without gravity. Its numbers are the restitution and the contact time (s).
+    ///
+    /// The sphere starts one `l_max` outside the interaction distance. The run ends once the exact solution
+    /// is as far away again.
     fn throw(&self, mut scene: Scene) -> Sample {
         let cutoff = self.law.l_max;
         scene.gravity = [0.0; 3];
@@ -116,7 +129,9 @@ impl Setup {
         sample
     }
 
-    /// From rest to the exact time of the next highest point, and on along the parabola through the last state.
+    /// The fall from rest until the exact time of the next highest point.
+    ///
+    /// Its number is the simulated time of that point (s), from the parabola through the last state.
     fn fall(&self, mut scene: Scene, time: f64) -> Sample {
         scene.t_end = time;
         let (mut sample, gap, v) = self.end(scene, self.height, 0.0);
@@ -126,7 +141,8 @@ impl Setup {
         sample
     }
 
-    /// Runs the sphere from the gap `gap` (m) with the rate `v` (m/s); both at the end.
+    /// Runs the sphere from the gap `gap` (m) with the rate `v` (m/s). Returns the sample and both final
+    /// values.
     fn end(&self, mut scene: Scene, gap: f64, v: f64) -> (Sample, f64, f64) {
         scene.output.interval = Some(scene.t_end / FRAMES);
         let r = scene.particles.radius;
@@ -137,7 +153,7 @@ impl Setup {
         (sample, gap, v)
     }
 
-    /// A run as a record.
+    /// The sample as a record, with the errors against the exact solutions.
     pub fn record(&self, solver: &Solver, sample: &Sample) -> Record {
         let (restitution, contact, rebound) = (sample.number(0), sample.number(1), sample.number(2));
         let off = |found: f64, exact: f64| (found / exact - 1.0).abs();
@@ -160,21 +176,21 @@ impl Setup {
     }
 }
 
-/// The largest distance of a starting centre from a wall that gravity points to, m.
+/// Largest distance of an initial centre from a floor, m; `None` if there is no floor.
 pub fn fall_height(scene: &Scene, start: &InitialCondition) -> Option<f64> {
     let floors = floors(scene);
     let depths = start.x.iter().flat_map(|x| floors.iter().map(move |floor| floor.depth(&Vec3::from(*x))));
     depths.fold(None, |most: Option<f64>, depth| Some(most.map_or(depth, |most| most.max(depth))))
 }
 
-/// The walls that gravity points to within 45 degrees.
+/// The floors: all walls whose outward normal is within 45 degrees of the direction of gravity.
 pub fn floors(scene: &Scene) -> Vec<crate::model::wall::Wall> {
     let (down, g) = (Vec3::from(scene.gravity), gravity(scene));
     let below = |wall: &crate::model::wall::Wall| g > 0.0 && wall.normal.dot(&down) > 0.5f64.sqrt() * g;
     crate::scene::walls::walls(&scene.container).into_iter().filter(below).collect()
 }
 
-/// The impact by every solver. Collective.
+/// Simulates the impact with every solver. Collective.
 pub fn study(pool: &JobPool, scene: &Scene, start: &InitialCondition, solvers: &[Solver]) -> Findings {
     let setup = Setup::of(scene, start);
     let samples = pool.run("impact", solvers, |solver| setup.simulate(solver));
@@ -213,7 +229,7 @@ mod tests {
         };
         let tight = record(1e-9);
         for name in [REBOUND_ERROR, RESTITUTION_ERROR, CONTACT_ERROR] {
-            // Some hundred steps, each wrong by 1e-9 of its scale.
+            // The tolerance allows for a few hundred steps, each wrong by 1e-9 of its scale.
             assert!(tight.measures[name] < 1e-6, "{name}: {:?}", tight.measures);
             assert!(record(1e-2).measures[name] > tight.measures[name], "{name}");
         }

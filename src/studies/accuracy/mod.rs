@@ -1,5 +1,7 @@
-//! What accuracy costs: `demhybrid accuracy` runs a scene over methods and tolerances, compares with what is known
-//! exactly or with a reference of its own, and shows the result as tables, files and figures.
+//! What accuracy costs: `demhybrid accuracy` runs a scene with several methods and tolerances.
+//!
+//! It compares the results with exact solutions or with its own reference, and reports tables, files and
+//! figures.
 
 mod advice;
 mod comparison;

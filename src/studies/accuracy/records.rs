@@ -1,4 +1,4 @@
-//! What a run gave and what it cost.
+//! The records of runs: their solvers, their work and their results.
 
 use crate::math::interval::Interval;
 use crate::ode::MethodName;
@@ -6,25 +6,25 @@ pub use crate::studies::job_pool::Work;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// The question that a run helps to answer.
+/// The question that a run belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Study {
-    /// One impact: how far the rebound is from a far more accurate one.
+    /// One impact, compared with its exact solution.
     Impact,
-    /// All particles at a fixed time: how far they are from a far more accurate run.
+    /// All particles at one time, compared with a far more accurate run.
     State,
-    /// How far the energy is from what forces and losses allow.
+    /// How far the energy deviates from what forces and dissipation allow.
     Energy,
     /// Statistics over many initial states.
     Ensemble,
 }
 
 impl Study {
-    /// All of them.
+    /// All studies.
     pub const ALL: [Study; 4] = [Study::Impact, Study::State, Study::Energy, Study::Ensemble];
 
-    /// The word for it in tables and files.
+    /// Name in tables and files.
     pub fn name(self) -> &'static str {
         match self {
             Study::Impact => "impact",
@@ -35,7 +35,7 @@ impl Study {
     }
 }
 
-/// What steps in time.
+/// What advances the time: a method with the norm of its error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(into = "&'static str")]
 pub enum Stepper {
@@ -46,7 +46,7 @@ pub enum Stepper {
 }
 
 impl Stepper {
-    /// The word for it in tables and files: the name of the method, or `paper`.
+    /// Name in tables and files: the name of the method, or `paper`.
     pub fn name(self) -> &'static str {
         match self {
             Stepper::Method(method) => method.name(),
@@ -67,19 +67,19 @@ impl From<Stepper> for &'static str {
     }
 }
 
-/// A time-stepping method and what sets its accuracy.
+/// A time-stepping method, with the number that determines its accuracy.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Solver {
-    /// What steps.
+    /// The method.
     pub method: Stepper,
-    /// `solver.tolerance`; none for a method with a fixed step.
+    /// `solver.tolerance`; `None` for a method with a fixed step.
     pub tolerance: Option<f64>,
-    /// Fixed step, s; none for a method that chooses its own.
+    /// Fixed step, s; `None` for a method that chooses its own.
     pub step: Option<f64>,
 }
 
 impl Solver {
-    /// Method and accuracy in a few words: `chebyshev 1e-3`, `velocity-verlet 1e-5 s`.
+    /// Method and accuracy: `chebyshev 1e-3`, `velocity-verlet 1e-5 s`.
     pub fn label(&self) -> String {
         let tolerance = self.tolerance.map(|tolerance| format!(" {tolerance:e}"));
         let step = self.step.map(|step| format!(" {step:e} s"));
@@ -87,22 +87,22 @@ impl Solver {
     }
 }
 
-/// One run: what was asked, what it cost, what came out.
+/// One run: its parameters, its work and its results.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Record {
-    /// The question it belongs to.
+    /// The study it belongs to.
     pub study: Study,
     /// Value of a swept scene key, such as `contact.stiffness_exponent=30`.
     pub variation: Option<String>,
-    /// How time was stepped.
+    /// The solver.
     pub solver: Solver,
-    /// Seed of the initial state, where the study has several.
+    /// Seed of the initial state, if the study has several.
     pub seed: Option<u64>,
-    /// What it cost; for a failed run, up to the failure.
+    /// Its work; for a failed run, the work up to the failure.
     pub work: Work,
-    /// Results by name, the unit within the name.
+    /// Results by name. The name includes the unit.
     pub measures: BTreeMap<String, f64>,
-    /// Why the run ended early, if it did.
+    /// Why the run ended early, or `None`.
     pub failure: Option<String>,
 }
 
@@ -111,13 +111,13 @@ pub struct Record {
 pub struct Statistic {
     /// Value of a swept scene key, such as `contact.stiffness_exponent=30`.
     pub variation: Option<String>,
-    /// How time was stepped.
+    /// The solver.
     pub solver: Solver,
-    /// Name of the measure, the unit within the name.
+    /// Name of the measure, with the unit.
     pub measure: String,
-    /// Its mean over the seeds.
+    /// Mean over the seeds.
     pub interval: Interval,
-    /// Mean of the differences to the most accurate solver on the same seeds.
+    /// Mean difference to the most accurate solver, for equal seeds.
     pub paired: Option<Interval>,
 }
 

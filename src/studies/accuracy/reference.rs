@@ -1,4 +1,4 @@
-//! The reference that states are compared with, its own error, and the time after which nothing can be compared.
+//! The reference for the comparison of states, its own error, and the time up to which states are comparable.
 
 use super::solvers::{adaptive, gravity, with_solver};
 use crate::math::vector::Vec3;
@@ -12,38 +12,43 @@ use rand_chacha::ChaCha8Rng;
 
 /// The method of the reference.
 const METHOD: MethodName = MethodName::DormandPrince;
-/// Tolerances of the reference; the second one of a pair shows the error of the first. A later pair serves where an
-/// earlier one fails.
+/// Tolerances of the reference, most accurate first.
+///
+/// Two neighbours form a pair: the second one shows the error of the first. If a pair fails, the next one is
+/// used.
 const TOLERANCES: [f64; 4] = [1e-10, 1e-9, 1e-8, 1e-7];
-/// A reference may take so many times the work of other runs.
+/// A reference may take this many times the work of other runs.
 const PATIENCE: u64 = 3;
-/// Shift of the twin, radii.
+/// Shift of each sphere of the twin, in radii.
 const SHIFT: f64 = 1e-9;
-/// Growth of the shift after which trajectories have parted.
+/// Trajectories have separated once the shift has grown by this factor.
 const PARTED: f64 = 1000.0;
-/// Frames of the search for that time.
+/// Number of frames in the search for the time of separation.
 const FRAMES: usize = 100;
-/// Frames of a run of which the end only is wanted: how often the work is compared with its limit. Few, because a frame
-/// between two steps costs some methods right-hand sides.
+/// Number of frames in a run whose end alone matters. At each of them the work is compared with its limit.
+///
+/// There are few, because a frame between two steps costs some methods right-hand sides.
 const END_FRAMES: f64 = 10.0;
-/// The search ends after this time, s, or after 1.5 times the longest fall.
+/// The search ends at this time, s, or at 1.5 times the time of the longest fall if that is later.
 const SEARCH: f64 = 1.0;
 
-/// How the reference and its twin move apart.
+/// Distance between the reference and its shifted twin over time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Separation {
-    /// Time (s) and largest distance of a particle from its twin (m).
+    /// Times (s), with the largest distance of a particle from its twin (m).
     pub points: Vec<(f64, f64)>,
 }
 
 impl Separation {
-    /// The first time at which the distance has grown more than 1000-fold, s.
+    /// First time at which the distance has grown more than 1000-fold, s; `None` if it never does.
     pub fn decorrelation_time(&self) -> Option<f64> {
         let first = self.points.first()?.1;
         self.points.iter().find(|(_, distance)| *distance > PARTED * first).map(|&(time, _)| time)
     }
 
-    /// The last time before that, s, but never that of the start; none without any frame.
+    /// Last time before `decorrelation_time`, s, but never the time of the first frame.
+    ///
+    /// `None` if there is no second frame.
     pub fn comparison_time(&self) -> Option<f64> {
         let parted = self.decorrelation_time().unwrap_or(f64::INFINITY);
         let before = self.points.iter().skip(1).map(|&(time, _)| time).take_while(|&time| time < parted);
@@ -51,15 +56,19 @@ impl Separation {
     }
 }
 
-/// How far to look for the time after which trajectories have parted, s: 1 s or, where the scene falls longer than that,
-/// half as long again; at most to its end.
+/// End of the search for the time of separation, s.
+///
+/// It is 1 s, or 1.5 times the time of a fall by `fall` (m) if that is longer, but not beyond the end of the
+/// scene.
 pub fn horizon(scene: &Scene, fall: Option<f64>) -> f64 {
     let g = gravity(scene);
     let falling = fall.filter(|_| g > 0.0).map_or(0.0, |height| (2.0 * height / g).sqrt());
     scene.t_end.min(SEARCH.max(1.5 * falling))
 }
 
-/// How the reference and its twin part until `horizon` (s), and the reason if one of them ends before. Collective.
+/// Runs the reference and its twin until `horizon` (s) and compares them. Collective.
+///
+/// The second value is the reason if one of the two runs failed.
 pub fn separation(
     pool: &JobPool,
     scene: &Scene,
@@ -85,7 +94,9 @@ pub fn separation(
     (Separation { points }, samples.into_iter().find_map(|sample| sample.failure))
 }
 
-/// Every particle moved by `length` (m) in a direction of its own, the same on every rank and in every run.
+/// Moves every particle by `length` (m) in its own random direction.
+///
+/// The directions are the same on every rank and in every run.
 fn shifted(start: &InitialCondition, length: f64) -> InitialCondition {
     let mut random = ChaCha8Rng::seed_from_u64(0);
     let mut shifted = start.clone();
@@ -101,13 +112,13 @@ fn shifted(start: &InitialCondition, length: f64) -> InitialCondition {
     shifted
 }
 
-/// Largest distance of two points with the same place in two lists of coordinates.
+/// Largest distance between points with the same index in two lists of coordinates.
 fn largest_distance(a: &[f64], b: &[f64]) -> f64 {
     let distance = |(a, b): (&[f64], &[f64])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
     a.chunks_exact(3).zip(b.chunks_exact(3)).map(distance).fold(0.0, larger)
 }
 
-/// The larger one, or infinity where one is no number.
+/// The larger of both, or infinity if `b` is NaN.
 fn larger(a: f64, b: f64) -> f64 {
     if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
@@ -123,32 +134,33 @@ pub struct Difference {
     pub omega: f64,
 }
 
-/// A state as a list of numbers: all positions, then all velocities, then all angular velocities.
+/// The frame as a list of numbers: all positions, then all velocities, then all angular velocities.
 pub fn state(frame: &FrameData) -> Vec<f64> {
     frame.x.iter().chain(&frame.v).chain(&frame.omega).flatten().copied().collect()
 }
 
-/// How far two states differ.
+/// Largest differences between two states.
 pub fn difference(a: &[f64], b: &[f64]) -> Difference {
     let third = a.len() / 3;
     let part = |k: usize| largest_distance(&a[k * third..(k + 1) * third], &b[k * third..(k + 1) * third]);
     Difference { x: part(0), v: part(1), omega: part(2) }
 }
 
-/// The states at the end of the scene from every start, and their errors.
+/// Reference states for every initial state, and their errors.
 #[derive(Debug, Clone)]
 pub struct Reference {
     /// Tolerance of the reference.
     pub tolerance: f64,
-    /// State by start.
+    /// Reference state, by initial state.
     pub states: Vec<Vec<f64>>,
-    /// Largest difference to the reference of ten times the tolerance, by start.
+    /// Largest differences between this reference and the one with ten times the tolerance, by initial state.
     pub errors: Vec<Difference>,
-    /// Right-hand sides of all runs that it took.
+    /// Right-hand sides of all runs, failed ones included.
     pub rhs_evaluations: u64,
 }
 
-/// The most accurate states at t = `time` (s) that can be had, or why there are none. Collective.
+/// Computes the most accurate states possible at t = `time` (s). The error is the reason of the failure.
+/// Collective.
 pub fn reference(
     pool: &JobPool,
     scene: &Scene,
@@ -178,7 +190,9 @@ pub fn reference(
     Err(why)
 }
 
-/// Runs the scene with its solver to `time` (s); the numbers are the state there, or nothing after a failure.
+/// Runs the scene with its solver to `time` (s).
+///
+/// The numbers of the sample are the state at that time. They are empty after a failure.
 pub fn end_state(scene: &Scene, start: &InitialCondition, time: f64, limit: u64) -> Sample {
     let mut scene = scene.clone();
     (scene.t_end, scene.output.interval) = (time, Some(time / END_FRAMES));
@@ -207,7 +221,7 @@ mod tests {
         assert_eq!((parting.decorrelation_time(), parting.comparison_time()), (Some(3.0), Some(2.0)));
         let calm = grown(&[1.0, 2.0, 3.0]);
         assert_eq!((calm.decorrelation_time(), calm.comparison_time()), (None, Some(2.0)));
-        // Nothing can be compared at the start, so the first frame has to do.
+        // States are never compared at the start, so this case takes the second frame.
         let sudden = grown(&[1.0, 1e4]);
         assert_eq!((sudden.decorrelation_time(), sudden.comparison_time()), (Some(1.0), Some(1.0)));
         assert_eq!(grown(&[1.0]).comparison_time(), None);

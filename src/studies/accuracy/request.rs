@@ -1,11 +1,11 @@
-//! What a comparison of solvers is asked for.
+//! The request for a comparison of solvers.
 
 use super::records::Study;
 use super::sweep::Sweep;
 use crate::ode::MethodName;
 use std::path::PathBuf;
 
-/// The question: a scene, and what is compared on it. An empty list leaves the choice to the study.
+/// A scene, and what to compare on it. If a list is empty, the study chooses its values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
     /// Scene file.
@@ -18,22 +18,22 @@ pub struct Request {
     pub tolerances: Vec<f64>,
     /// Steps of velocity Verlet, s.
     pub steps: Vec<f64>,
-    /// Initial states of a scene with a grid: seeds 1 to this.
+    /// Number of initial states of a scene with a grid. The seeds are 1 to this number.
     pub seeds: u64,
-    /// Time at which states are compared, s; none: the last one before trajectories part.
+    /// Time at which states are compared, s; `None`: the last time before trajectories separate.
     pub time: Option<f64>,
-    /// End of the runs of the ensemble, s; none: `t_end` of the scene.
+    /// End of the runs of the ensemble, s; `None`: `t_end` of the scene.
     pub until: Option<f64>,
     /// A scene key that takes several values.
     pub sweep: Option<Sweep>,
-    /// Whether the published solver is compared too.
+    /// Whether the solver of the paper is compared too.
     pub paper: bool,
-    /// What is studied.
+    /// Studies to do; empty: all of them.
     pub studies: Vec<Study>,
 }
 
 impl Request {
-    /// All studies of the scene file `scene`, with five starts.
+    /// All studies of the scene file `scene`, with five initial states.
     pub fn new(scene: impl Into<PathBuf>) -> Self {
         Request {
             scene: scene.into(),
@@ -50,7 +50,7 @@ impl Request {
         }
     }
 
-    /// Whether `study` is asked for.
+    /// Whether the request includes `study`.
     pub fn asks(&self, study: Study) -> bool {
         self.studies.is_empty() || self.studies.contains(&study)
     }

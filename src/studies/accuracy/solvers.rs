@@ -1,4 +1,4 @@
-//! The solvers that are compared, and how a scene is told to use one.
+//! The solvers that are compared, and how to put one into a scene.
 
 use super::records::{Solver, Stepper, Study};
 use super::request::Request;
@@ -6,7 +6,7 @@ use crate::ode::{MethodName, NormName};
 use crate::scene::Scene;
 use crate::scene::initial_condition::{InitialCondition, velocity_scale};
 
-/// The methods that `--methods` knows.
+/// The methods that `--methods` accepts.
 pub const METHODS: [MethodName; 5] = [
     MethodName::Auto,
     MethodName::Chebyshev,
@@ -15,13 +15,13 @@ pub const METHODS: [MethodName; 5] = [
     MethodName::VelocityVerlet,
 ];
 
-/// Tolerances by decades from 1e-1.
+/// Default tolerances, decades from 1e-1 down.
 const TOLERANCES: [f64; 8] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8];
-/// Of them, those that a method of order two is asked for.
+/// How many of them a method of order two uses.
 const SECOND_ORDER: usize = 6;
-/// Of them, those that decide how far statistics move.
+/// How many of them an ensemble uses.
 const STATISTICAL: usize = 4;
-/// Fixed steps, in swings or impacts.
+/// Default fixed steps, as shares of the time scale of a swing or an impact.
 const STEPS: [f64; 5] = [1e-2, 3e-3, 1e-3, 3e-4, 1e-4];
 
 /// A method with error control.
@@ -29,12 +29,12 @@ pub fn adaptive(method: MethodName, tolerance: f64) -> Solver {
     Solver { method: Stepper::Method(method), tolerance: Some(tolerance), step: None }
 }
 
-/// The published solver.
+/// The published solver, with the tolerance of the paper.
 fn published() -> Solver {
     Solver { method: Stepper::Published, tolerance: Some(0.1), step: None }
 }
 
-/// The solvers for the given study of `scene`, method by method, each from loose to tight.
+/// The solvers for a study of `scene`, method by method. Those of one method are sorted from loose to tight.
 pub fn solvers(request: &Request, study: Study, scene: &Scene, start: &InitialCondition) -> Vec<Solver> {
     let ensemble = study == Study::Ensemble;
     let methods: Vec<MethodName> = match (request.methods.is_empty(), ensemble) {
@@ -69,15 +69,17 @@ pub fn solvers(request: &Request, study: Study, scene: &Scene, start: &InitialCo
     chosen
 }
 
-/// Each number once, the largest first.
+/// The numbers in descending order, without repetition.
 fn descending(mut numbers: Vec<f64>) -> Vec<f64> {
     numbers.sort_by(|a, b| b.total_cmp(a));
     numbers.dedup();
     numbers
 }
 
-/// Steps of velocity-verlet where the user names none, s: shares of the time in which a sphere at rest on a floor swings
-/// by one radian, 1/sqrt(kappa g), or without gravity of the time of an impact, 1/(kappa V). Two digits are enough.
+/// Default steps of velocity Verlet, s. They are shares of a time scale, rounded to two digits.
+///
+/// With gravity the scale is 1/sqrt(kappa g), the time in which a sphere at rest on a floor swings by one
+/// radian. Without gravity it is 1/(kappa V), the time of an impact.
 fn default_steps(scene: &Scene, start: &InitialCondition) -> Vec<f64> {
     let kappa = scene.contact.stiffness_exponent;
     let g = gravity(scene);
@@ -86,17 +88,17 @@ fn default_steps(scene: &Scene, start: &InitialCondition) -> Vec<f64> {
     STEPS.map(|share| rounded(share * time)).to_vec()
 }
 
-/// Two digits of a number.
+/// The number rounded to two significant digits.
 fn rounded(number: f64) -> f64 {
     format!("{number:.1e}").parse().unwrap_or(number)
 }
 
-/// Size of the gravity, m/s^2.
+/// Magnitude of the gravity, m/s^2.
 pub fn gravity(scene: &Scene) -> f64 {
     scene.gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
 }
 
-/// `scene` with this solver.
+/// A copy of `scene` that uses `solver`.
 pub fn with_solver(scene: &Scene, solver: &Solver) -> Scene {
     let mut scene = scene.clone();
     (scene.solver.method, scene.solver.norm) = match solver.method {

@@ -1,4 +1,4 @@
-//! The scene and the initial states that a comparison is about.
+//! Loads the scene and the initial states of a comparison.
 
 use super::request::Request;
 use crate::domain::Comm;
@@ -7,11 +7,12 @@ use crate::error::Error;
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 
-/// Initial states, each with its seed if it has one; at least one.
+/// Initial states, each with its seed if it has one. There is at least one.
 pub type Starts = Vec<(Option<u64>, InitialCondition)>;
 
-/// Reads and checks the scene with the `--set` options `sets`: with a grid one start a seed from 1 on, else the only one.
-/// Collective.
+/// Reads and checks the scene with the `--set` options `sets`. Collective.
+///
+/// A scene with a grid has one initial state for each seed from 1 on. Any other scene has a single one.
 pub fn load(request: &Request, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Starts), Error> {
     let (scene, start) = load_scene(&request.scene, sets, comm)?;
     let Some(grid) = &scene.particles.grid else { return Ok((scene, vec![(None, start)])) };
@@ -24,7 +25,7 @@ pub fn load(request: &Request, sets: &[String], comm: &dyn Comm) -> Result<(Scen
     };
     let starts = (1..=request.seeds).map(seeded).collect::<Result<Starts, Error>>()?;
     let mut scene = scene;
-    // So that the recorded scene is that of the first run, whatever seed was drawn.
+    // The scene is written into the results. Give it the seed of the first run instead of a random one.
     if let Some(grid) = &mut scene.particles.grid {
         grid.seed = Some(1);
     }

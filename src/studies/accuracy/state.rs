@@ -1,4 +1,4 @@
-//! All spheres at one time, by every solver, from several initial states.
+//! The study `state`: compares all spheres at one time, for every solver, from several initial states.
 
 use super::findings::{Findings, measures, median};
 use super::records::{Record, Solver, Study};
@@ -12,25 +12,27 @@ use crate::studies::job_pool::{JobPool, Sample};
 
 /// Largest distance of a centre from the reference, m.
 pub const POSITION_ERROR: &str = "position error (m)";
-/// Largest difference of a velocity, m/s.
+/// Largest difference of a velocity from the reference, m/s.
 const VELOCITY_ERROR: &str = "velocity error (m/s)";
-/// Largest difference of an angular velocity, rad/s.
+/// Largest difference of an angular velocity from the reference, rad/s.
 const SPIN_ERROR: &str = "spin error (rad/s)";
 
-/// Where and when states are compared.
+/// When states are compared, and how this time was found.
 #[derive(Debug, Clone)]
 pub struct When {
     /// Time of the comparison, s.
     pub time: f64,
-    /// Time after which trajectories have nothing in common, s; none if it was not reached.
+    /// Time after which trajectories are no longer comparable, s; `None` if the search ended before it.
     pub decorrelation_time: Option<f64>,
-    /// How the reference and its twin part.
+    /// Distance between the reference and its shifted twin over time.
     pub separation: Separation,
-    /// What a reader must know about it.
+    /// A note on the time for the reader of the results.
     pub note: String,
 }
 
 /// Finds the time of the comparison from the first initial state, or takes `wanted` (s). Collective.
+///
+/// `fall` is the longest fall in the scene, m.
 pub fn when(
     pool: &JobPool,
     scene: &Scene,
@@ -56,12 +58,13 @@ pub fn when(
         _ => "",
     };
     let note = format!(
-        "state: the reference and a twin shifted by 1e-9 radii {parting}{early}; states are compared at t = {time:.4} s{choice}"
+        "state: the reference and a twin shifted by 1e-9 radii {parting}{early}; states are compared \
+         at t = {time:.4} s{choice}"
     );
     When { time, decorrelation_time, separation, note }
 }
 
-/// States at t = `time` (s) by every solver from every start, each with its seed. Collective.
+/// Compares the states at t = `time` (s) for every solver and every initial state in `starts`. Collective.
 pub fn study(
     pool: &JobPool,
     scene: &Scene,
@@ -110,8 +113,8 @@ pub fn study(
         .collect();
     let own = median(exact.errors.iter().map(|error| error.x).collect());
     let mut notes = vec![format!(
-        "state: the reference is dormand-prince at tolerance {:e}; at tolerance {:e} it is off by {} m (median over {} initial \
-         states); together they took {} right-hand sides",
+        "state: the reference is dormand-prince at tolerance {:e}; at tolerance {:e} it is off by {} m \
+         (median over {} initial states); together they took {} right-hand sides",
         exact.tolerance,
         10.0 * exact.tolerance,
         scientific(own, 1),

@@ -1,4 +1,4 @@
-//! The error of the model: one scene key takes several values, one accurate solver computes all of them.
+//! The error of the model: one scene key takes several values, and one accurate solver computes them all.
 
 use super::ensemble::{self, Job, no_bed};
 use super::exact::hard_rebound_time;
@@ -15,9 +15,9 @@ use crate::scene::{Scene, split_values};
 use crate::studies::job_pool::JobPool;
 use std::str::FromStr;
 
-/// How much later than from a hard floor the sphere is highest again, s.
+/// Delay of the next highest point compared with a hard floor, s.
 pub const LATER: &str = "later than hard (s)";
-/// Restitution beyond the coefficient e.
+/// Restitution minus the coefficient e.
 pub const BEYOND_E: &str = "restitution beyond e";
 
 /// Tolerance of dormand-prince for the impacts of a sweep.
@@ -25,7 +25,7 @@ const IMPACT_TOLERANCE: f64 = 1e-10;
 /// Tolerance of auto for the beds of a sweep.
 const BED_TOLERANCE: f64 = 1e-3;
 
-/// A scene key and the values it takes.
+/// A scene key and its values.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Sweep {
     /// Dotted path of the key.
@@ -64,7 +64,7 @@ pub struct Variation {
     starts: Starts,
 }
 
-/// The scene with every value; a value that the scene does not take is an error of input. Collective.
+/// Loads the scene with every value of the key. A value that the scene rejects is an input error. Collective.
 pub fn variations(request: &Request, comm: &dyn Comm) -> Result<Vec<Variation>, Error> {
     let Some(sweep) = &request.sweep else { return Ok(Vec::new()) };
     let one = |value: &String| {
@@ -81,26 +81,29 @@ pub fn variations(request: &Request, comm: &dyn Comm) -> Result<Vec<Variation>, 
     sweep.values.iter().map(one).collect()
 }
 
-/// The runs that a sweep takes.
+/// Number of runs in a sweep.
 pub fn count(variations: &[Variation], impact: bool, ensemble: bool) -> usize {
     let beds = |v: &Variation| if no_bed(&v.scene, &v.starts[0].1).is_none() { v.starts.len() } else { 0 };
     variations.iter().map(|v| usize::from(impact) + if ensemble { beds(v) } else { 0 }).sum()
 }
 
-/// Impact and bed for every value. Collective.
+/// Computes the impact and the bed for every value. Collective.
+///
+/// If `beds` is `None`, there are no beds. Its inner value is the time of the beds (s); `None` means `t_end`.
 pub fn study(pool: &JobPool, variations: &[Variation], impact: bool, beds: Option<Option<f64>>) -> Findings {
     let mut found = Findings::default();
     if impact {
         found.records.extend(impacts(pool, variations));
         found.notes.push(format!(
-            "sweep: impacts by dormand-prince at tolerance {IMPACT_TOLERANCE:e}; differences between values are the model's"
+            "sweep: impacts by dormand-prince at tolerance {IMPACT_TOLERANCE:e}; \
+             differences between values are the model's"
         ));
     }
     if let Some(until) = beds {
         let solver = adaptive(MethodName::Auto, BED_TOLERANCE);
         let with_bed = || variations.iter().filter(|v| no_bed(&v.scene, &v.starts[0].1).is_none());
         let mut records = Vec::new();
-        // All end at the same time, because t_end is not swept.
+        // All runs end at the same time, because t_end cannot be swept.
         if let Some(first) = with_bed().next() {
             let jobs: Vec<Job> = with_bed()
                 .flat_map(|v| {
@@ -123,14 +126,14 @@ pub fn study(pool: &JobPool, variations: &[Variation], impact: bool, beds: Optio
     found
 }
 
-/// The impact with every value.
+/// Simulates the impact with every value.
 fn impacts(pool: &JobPool, variations: &[Variation]) -> Vec<Record> {
     let solver = adaptive(MethodName::DormandPrince, IMPACT_TOLERANCE);
     let setups: Vec<Setup> = variations.iter().map(|v| Setup::of(&v.scene, &v.starts[0].1)).collect();
     let samples = pool.run("sweep of impacts", &setups, |setup| setup.simulate(&solver));
     let record = |((v, setup), sample): ((&Variation, &Setup), &_)| {
         let record = setup.record(&solver, sample);
-        // More digits would be the solver's, not the model's.
+        // Further digits would belong to the solver, not to the model.
         let value =
             |name: &str| record.measures.get(name).map_or(f64::NAN, |value| (value * 1e8).round() / 1e8);
         let e = v.scene.contact.restitution;

@@ -1,9 +1,9 @@
-//! A scene for tests.
+//! A scene for the tests of accuracy studies.
 
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 
-/// Eight spheres fall into a box.
+/// Eight spheres that fall into a box.
 pub fn scene() -> (Scene, InitialCondition) {
     let text = "t_end = 1
         gravity = [0, 0, -9.81]

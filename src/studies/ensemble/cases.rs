@@ -1,4 +1,4 @@
-//! The cases that a command line asks for: its scenes with every combination of the varied keys.
+//! Turns the options of a command line into cases: each scene with every combination of the varied keys.
 
 use super::measures::{Plan, simulated};
 use super::{Case, Request, Vary, runs};
@@ -10,14 +10,14 @@ use crate::scene::{Grid, Scene, initial_condition};
 use crate::studies::job_pool::JobPool;
 use std::path::Path;
 
-/// A scene to be run from many starts.
+/// A scene that runs from many initial conditions.
 #[derive(Debug)]
 pub struct Variant {
-    /// What tells it from the others.
+    /// Name that tells it from the other cases.
     pub name: String,
-    /// The scene, whose seed means nothing.
+    /// The scene. Its own seed is not used.
     pub scene: Scene,
-    /// Its grid.
+    /// The grid of the scene. Each run takes it with its own seed.
     grid: Grid,
 }
 
@@ -27,7 +27,7 @@ impl Variant {
     }
 }
 
-/// The cases, each checked with every seed. Collective.
+/// Loads the cases and checks each of them with every seed. Collective.
 pub fn load(request: &Request, comm: &dyn Comm) -> Result<Vec<Variant>, Error> {
     check_names(request)?;
     let mut variants = Vec::new();
@@ -39,18 +39,19 @@ pub fn load(request: &Request, comm: &dyn Comm) -> Result<Vec<Variant>, Error> {
     Ok(variants)
 }
 
-/// Whether `--vary` means the scene at `path`.
+/// Whether `vary` applies to the scene at `path`.
 fn means(vary: &Vary, path: &Path) -> bool {
     vary.scene.as_ref().is_none_or(|name| *name == stem(path) || path.to_str() == Some(name))
 }
 
-/// Scenes and the prefixes of `--vary` go together.
+/// Checks that the names of scenes differ, that each prefix of `--vary` names a scene, and that no key varies
+/// twice in a scene.
 fn check_names(request: &Request) -> Result<(), Error> {
     for (k, path) in request.scenes.iter().enumerate() {
         if request.scenes[..k].iter().any(|other| stem(other) == stem(path)) {
             return Err(Error::Input(format!(
-                "{}: another scene has the name {} too, and cases are told apart by the names of their scenes; give it \
-                 another one",
+                "{}: another scene has the name {} too, and cases are told apart by the names of their \
+                 scenes; give it another one",
                 path.display(),
                 stem(path)
             )));
@@ -78,7 +79,7 @@ fn check_names(request: &Request) -> Result<(), Error> {
     Ok(())
 }
 
-/// Every combination of the values that vary in the scene at `path`, the last key fastest.
+/// Every combination of the values that vary in the scene at `path`. The last key varies fastest.
 fn choices<'a>(request: &'a Request, path: &Path) -> Vec<Vec<(&'a Vary, &'a str)>> {
     let mut all: Vec<Vec<(&Vary, &str)>> = vec![Vec::new()];
     for vary in request.vary.iter().filter(|vary| means(vary, path)) {
@@ -90,7 +91,7 @@ fn choices<'a>(request: &'a Request, path: &Path) -> Vec<Vec<(&'a Vary, &'a str)
     all
 }
 
-/// One case. Collective.
+/// Loads one case and checks it with every seed. Collective.
 fn variant(
     request: &Request,
     path: &Path,
@@ -102,8 +103,8 @@ fn variant(
     let (scene, _) = load_scene(path, &all, comm).map_err(|why| explained(request, &sets, why))?;
     let Some(grid) = scene.particles.grid.clone() else {
         return Err(Error::Input(format!(
-            "{}: its particles come from a file, so that all seeds would give the same run; an ensemble needs \
-             [particles.grid]",
+            "{}: its particles come from a file, so that all seeds would give the same run; an ensemble \
+             needs [particles.grid]",
             path.display()
         )));
     };
@@ -119,7 +120,7 @@ fn variant(
     Ok(variant)
 }
 
-/// The name of a case: that of its scene, and the last part of each key with its value.
+/// The name of a case: the name of its scene, then the last part of each key with its value.
 pub fn name<'a>(scene: &str, words: impl IntoIterator<Item = (&'a str, String)>) -> String {
     let mut name = scene.to_owned();
     for (key, value) in words {
@@ -129,7 +130,7 @@ pub fn name<'a>(scene: &str, words: impl IntoIterator<Item = (&'a str, String)>)
     name
 }
 
-/// A mistake in a scene, told as one about `--vary` where it is one.
+/// The error of a scene, reworded for `--vary` if a varied value caused it.
 fn explained(request: &Request, sets: &[String], why: Error) -> Error {
     let Error::Input(text) = why else { return why };
     let Some(set) = sets.iter().find(|set| text.contains(set.as_str())).or(sets.first()) else {
@@ -146,7 +147,7 @@ fn explained(request: &Request, sets: &[String], why: Error) -> Error {
     Error::Input(told + &hint)
 }
 
-/// All cases from all seeds. Collective.
+/// Runs all cases from all seeds. Collective.
 pub fn run(pool: &JobPool, variants: &[Variant], seeds: &[u64], plan: &Plan) -> Vec<Case> {
     let jobs: Vec<(&Variant, u64)> =
         variants.iter().flat_map(|variant| seeds.iter().map(move |&seed| (variant, seed))).collect();
@@ -170,7 +171,7 @@ mod tests {
     use crate::studies::ensemble::testing::TEXT;
     use std::path::PathBuf;
 
-    /// Options as the command line has them.
+    /// The request that a command line with these options makes.
     fn request(scenes: &[PathBuf], words: &[&str]) -> Request {
         let mut request =
             Request { scenes: scenes.to_vec(), seeds: "2".parse().unwrap(), vary: vec![], set: vec![] };
@@ -183,7 +184,7 @@ mod tests {
         request
     }
 
-    /// Cases of the scenes plain.toml and rough.toml, the second with friction.
+    /// Names of the cases of two scenes: plain.toml, and rough.toml, which has friction.
     fn names(words: &[&str]) -> Result<Vec<String>, Error> {
         let folder = tempfile::tempdir().unwrap();
         let file = |name: &str, more: &str| -> PathBuf {

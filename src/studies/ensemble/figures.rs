@@ -1,4 +1,4 @@
-//! The figures of an ensemble: ranges and means at the end, and over time.
+//! The figures of an ensemble: ranges and means at the end of the runs, and over time.
 
 use super::Case;
 use super::measures::{MEASURES, OVER_TIME};
@@ -7,7 +7,7 @@ use crate::beds::plot::{Band, Bands, Ranges, bands, ranges};
 use crate::error::Error;
 use std::path::Path;
 
-/// Draws what there is of the measures `chosen`; names of the files.
+/// Draws those of the measures `chosen` that have a value; returns the names of the files.
 pub fn draw(
     folder: &Path,
     title: &str,

@@ -1,4 +1,4 @@
-//! The tables of an ensemble: CSV with all digits, a summary in JSON, and the table for the terminal.
+//! The results of an ensemble: CSV tables with all digits, a summary in JSON, and a table for the terminal.
 
 use super::measures::{MEASURES, OVER_TIME};
 use super::summary::{Spread, Summary};
@@ -12,10 +12,10 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Characters of a reason to fail in the table.
+/// Longest reason of a failure that the table shows, in characters.
 const REASON: usize = 100;
 
-/// Writes all of them into `folder`; their names.
+/// Writes all CSV and JSON files into `folder`; returns their names.
 pub fn write(folder: &Path, cases: &[Case], summary: &Summary) -> Result<Vec<String>, Error> {
     let mut written = Vec::new();
     let mut table = |name: &str, head: Vec<&str>, rows: Vec<Vec<String>>| -> Result<(), Error> {
@@ -73,7 +73,7 @@ fn spread_cells(spread: Option<&Spread>) -> Vec<String> {
     [vec![spread.interval.count.to_string()], numbers.map(cell).to_vec()].concat()
 }
 
-/// All digits; nothing where there is no number.
+/// The number with all its digits; an empty cell if it is not finite.
 fn cell(value: f64) -> String {
     if value.is_finite() { format!("{value:?}") } else { String::new() }
 }
@@ -96,7 +96,7 @@ fn run_row(case: &Case, run: &Run) -> Vec<String> {
     row
 }
 
-/// A summary as it stands in JSON; infinite numbers are null.
+/// The summary as JSON holds it; infinite numbers are null.
 #[derive(Serialize)]
 struct Report<'a> {
     version: String,
@@ -145,7 +145,7 @@ fn write_json(path: &Path, cases: &[Case], summary: &Summary) -> Result<(), Erro
     std::fs::write(path, text + "\n").map_err(|why| cannot_write(path, why))
 }
 
-/// A block for every measure of `chosen`, a line for every case.
+/// The table for the terminal: a block for every measure of `chosen`, a line for every case.
 pub fn table(cases: &[Case], summary: &Summary, chosen: &[usize]) -> String {
     let width = cases.iter().map(|case| case.name.chars().count()).max().unwrap_or(0).max(4);
     let mut text = String::new();

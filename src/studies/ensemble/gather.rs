@@ -1,4 +1,4 @@
-//! Runs that are there already, such as those of a job array, brought together by their recorded scenes.
+//! Gathers finished runs, such as those of a job array, into cases. Runs with the same scene form one case.
 
 use super::cases::name;
 use super::measures::{Plan, recorded};
@@ -13,25 +13,25 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// A file that holds a run.
+/// A run file that was found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Found {
     file: PathBuf,
     seed: u64,
-    /// Its scene, in TOML, without what may differ between the runs of a case.
+    /// Its scene in TOML, without everything that may differ between the runs of a case.
     scene: String,
-    /// Why it cannot be used, if it cannot.
+    /// Why the run cannot be used, or `None` if it can.
     incomplete: Option<String>,
 }
 
-/// Files of one case, by ascending seeds.
+/// The runs of one case, by ascending seed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Family {
     name: String,
     runs: Vec<Found>,
 }
 
-/// Name of the family that the file of a run belongs to: `bed` of `bed-7.vtkhdf`.
+/// Name of the case that a run file belongs to: `bed` for `bed-7.vtkhdf`.
 pub fn family(file: &Path) -> String {
     let stem = stem(file);
     match stem.rsplit_once('-') {
@@ -42,9 +42,9 @@ pub fn family(file: &Path) -> String {
     }
 }
 
-/// Looks at all `files`, on rank 0. Collective.
+/// Rank 0 reads the scenes of all `files` and groups them; all ranks get the result. Collective.
 pub fn find(files: &[PathBuf], comm: &dyn Comm) -> Result<Vec<Family>, Error> {
-    // HDF5 starts itself on the main thread, because it may call MPI then.
+    // Initialise HDF5 here, on the main thread: it may call MPI when it starts.
     let _ = hdf5::library_version();
     let text = share(comm, || {
         let found = files.iter().map(|file| look(file)).collect::<Result<Vec<Found>, Error>>()?;
@@ -74,7 +74,7 @@ fn look(file: &Path) -> Result<Found, Error> {
     Ok(Found { file: file.to_path_buf(), seed, scene: scene.resolved(), incomplete })
 }
 
-/// Groups of one scene each, in the order of their first files.
+/// Groups the runs by scene. Groups come in the order of their first files.
 fn families(found: Vec<Found>) -> Result<Vec<Family>, Error> {
     let mut groups: Vec<Vec<Found>> = Vec::new();
     for run in found {
@@ -101,7 +101,8 @@ fn families(found: Vec<Found>) -> Result<Vec<Family>, Error> {
     Ok(names.into_iter().zip(groups).map(family).collect())
 }
 
-/// A name for each group: that of its files, and what tells its scene from those of groups with the same name.
+/// A name for each group: the name of its files. If several groups share that name, the values that differ
+/// between their scenes follow.
 fn names(groups: &[Vec<Found>]) -> Vec<String> {
     let stems: Vec<String> = groups.iter().map(|group| family(&group[0].file)).collect();
     let keys: Vec<BTreeMap<String, String>> = groups.iter().map(|group| values(&group[0].scene)).collect();
@@ -120,7 +121,7 @@ fn names(groups: &[Vec<Found>]) -> Vec<String> {
     (0..groups.len()).map(name_of).collect()
 }
 
-/// The values of a scene by the paths of their keys.
+/// The values of a scene, by the dotted paths of their keys.
 fn values(scene: &str) -> BTreeMap<String, String> {
     fn walk(path: &str, value: &toml::Value, found: &mut BTreeMap<String, String>) {
         match value {

@@ -1,4 +1,4 @@
-//! What is measured of every run, at its end and over time.
+//! The measures of a run, at its end and over time.
 
 use crate::beds::measures::region::RegionChoice;
 use crate::beds::measures::row::{Row, centres};
@@ -9,36 +9,36 @@ use crate::scene::initial_condition::InitialCondition;
 use crate::studies::job_pool::run::{FrameData, run};
 use crate::studies::job_pool::{Sample, Work};
 
-/// A number that a run gives.
+/// A number that is computed for each run.
 #[derive(Debug)]
 pub struct Measure {
-    /// Its name in files and options.
+    /// Name in files and options.
     pub name: &'static str,
-    /// What it is, with the unit.
+    /// Description, with the unit.
     pub label: &'static str,
-    /// Whether it is shown where the user asks for nothing.
+    /// Whether it is shown when the user names no measures.
     pub usual: bool,
     of: Of,
 }
 
-/// Where the number comes from.
+/// What the number is computed from.
 #[derive(Debug)]
 enum Of {
-    /// A frame: it has an evolution.
+    /// A frame. Such a measure can be followed over time.
     Frame(fn(&Seen) -> f64),
-    /// The work of the run.
+    /// The work of the whole run.
     Work(fn(&Work) -> u64),
 }
 
-/// A frame and what else is known at its time.
+/// A frame, and what else is known at its time.
 #[derive(Debug)]
 struct Seen {
     row: Row,
-    /// J.
+    /// Kinetic energy, J.
     kinetic_energy: f64,
-    /// J.
+    /// Potential energy, J.
     potential_energy: f64,
-    /// Largest overlap in any frame so far, m.
+    /// Largest overlap in any frame up to this one, m.
     overlap: f64,
 }
 
@@ -50,7 +50,7 @@ const fn work(name: &'static str, label: &'static str, of: fn(&Work) -> u64) -> 
     Measure { name, label, usual: false, of: Of::Work(of) }
 }
 
-/// All measures; those with an evolution come first.
+/// All measures; those that can be followed over time come first.
 pub const MEASURES: [Measure; 23] = [
     frame("volume_fraction", "volume fraction of the union", true, |seen| seen.row.volume_fraction),
     frame("porosity", "porosity", false, |seen| seen.row.porosity),
@@ -83,40 +83,40 @@ pub const MEASURES: [Measure; 23] = [
     work("pair_evaluations", "pairs evaluated", |work| work.pair_evaluations),
 ];
 
-/// Measures with an evolution: the first of `MEASURES`.
+/// Number of measures that can be followed over time. They are the first of `MEASURES`.
 pub const OVER_TIME: usize = 19;
 
-/// How runs are measured.
+/// Which frames of a run are measured, and where.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Times in an evolution, about; 0: the end only.
+    /// About how many times an evolution has; 0: only the end is measured.
     pub times: u64,
-    /// Where volumes are measured, by the end of the run.
+    /// Region in which volumes are measured, chosen from the frame at the end of the run.
     pub region: RegionChoice,
 }
 
 impl Plan {
-    /// Every how many frames of `scene` one is measured; none: the last only.
+    /// Number of frames from one measured frame of `scene` to the next; `None`: only the last is measured.
     fn stride(&self, scene: &Scene) -> Option<u64> {
         let frames = (scene.t_end / scene.output.interval.unwrap_or(scene.t_end)).ceil().max(1.0);
-        // Casts saturate.
+        // Casts from f64 to u64 saturate.
         (self.times > 0).then(|| (frames / self.times as f64).ceil().max(1.0) as u64)
     }
 }
 
-/// A run over time.
+/// The measures of a run over time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Followed {
-    /// Times, s; the last is that of the end.
+    /// Times, s; the last one is the end of the run.
     pub times: Vec<f64>,
-    /// At every time, the measures with an evolution.
+    /// For every time, the measures that can be followed over time.
     pub frames: Vec<Vec<f64>>,
     /// All measures at the end.
     pub end: Vec<f64>,
 }
 
 impl Followed {
-    /// Out of the numbers of a run that did not fail.
+    /// Unpacks the sample of a run that did not fail.
     pub fn of(sample: &Sample) -> Self {
         let rows = sample.numbers.chunks_exact(1 + OVER_TIME);
         let (times, frames): (Vec<f64>, Vec<Vec<f64>>) = rows.map(|row| (row[0], row[1..].to_vec())).unzip();
@@ -129,7 +129,7 @@ impl Followed {
     }
 }
 
-/// A frame to be measured, once the region is known.
+/// A frame that is kept until the run ends, because the region depends on the end.
 struct Held {
     state: State,
     kinetic_energy: f64,
@@ -137,7 +137,9 @@ struct Held {
     overlap: f64,
 }
 
-/// Numbers of all `held` frames, the last of which is the end.
+/// The measures of all `held` frames, the last of which is the end of the run.
+///
+/// Each frame gives its time and then the first `OVER_TIME` measures.
 fn numbers(scene: &Scene, plan: &Plan, held: &[Held]) -> Vec<f64> {
     let Some(last) = held.last() else { return Vec::new() };
     let (region, _) = plan.region.of(scene, &centres(&last.state));
@@ -186,13 +188,13 @@ pub fn simulated(scene: &Scene, start: &InitialCondition, plan: &Plan) -> Sample
     Sample { numbers: numbers(scene, plan, &held), ..sample }
 }
 
-/// A frame as an output file would hold it.
+/// The frame as an output file would hold it.
 fn state(number: u64, frame: &FrameData) -> State {
     let list = |vectors: &[crate::math::vector::Vec3]| vectors.iter().map(|&vector| vector.into()).collect();
     State { frame: number, time: frame.time, x: list(&frame.x), v: list(&frame.v), omega: None }
 }
 
-/// Measures the run that `record` holds.
+/// Measures the run in the run file `record`.
 pub fn recorded(record: &RunFile, plan: &Plan) -> Result<Sample, Error> {
     let (kinetic, potential) = (record.series("kinetic_energy")?, record.series("potential_energy")?);
     let overlaps = record.series("largest_overlap")?;
@@ -252,7 +254,7 @@ mod tests {
         assert_eq!(some.times, [0.0, 4.0 * 0.03, 8.0 * 0.03, 12.0 * 0.03, 16.0 * 0.03, 0.5]);
         let end = followed(0);
         assert_eq!(end.times, [0.5]);
-        // Overlaps between the frames that are measured count too.
+        // The largest overlap also counts frames that are not measured.
         assert_eq!((&some.end, &end.end), (&all.end, &all.end));
         assert_eq!(all.end.len(), MEASURES.len());
     }

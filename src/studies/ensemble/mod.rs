@@ -1,5 +1,6 @@
-//! Many starts of one scene, and scenes side by side: `demhybrid ensemble` runs them or gathers runs that are there, and
-//! shows how far the beds agree.
+//! Ensembles: one scene from many initial conditions, or several scenes side by side.
+//!
+//! `demhybrid ensemble` runs them, or gathers runs that are finished, and reports how far the beds agree.
 
 mod cases;
 mod figures;
@@ -19,27 +20,27 @@ pub use measures::{MEASURES, Plan};
 pub use request::{Request, Seeds, Vary};
 use std::path::Path;
 
-/// One run of a case, done or left out.
+/// One run of a case. It may have failed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
     /// Its seed.
     pub seed: u64,
-    /// What it gave, or why it gave nothing.
+    /// Its measures, or why there are none.
     pub outcome: Result<Followed, String>,
 }
 
-/// All runs of one scene, by ascending seeds.
+/// All runs of one scene, by ascending seed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Case {
-    /// What tells it from the others, in a few words.
+    /// Short name that tells it from the other cases.
     pub name: String,
-    /// Its scene as resolved, in TOML, whose seed means nothing.
+    /// Its resolved scene in TOML. The seed in it has no meaning.
     pub scene: String,
     /// Its runs.
     pub runs: Vec<Run>,
 }
 
-/// The runs of a case out of their samples.
+/// Pairs each seed of a case with its sample.
 fn runs(seeds: impl IntoIterator<Item = u64>, samples: impl IntoIterator<Item = Sample>) -> Vec<Run> {
     let run = |(seed, sample): (u64, Sample)| Run {
         seed,
@@ -51,7 +52,7 @@ fn runs(seeds: impl IntoIterator<Item = u64>, samples: impl IntoIterator<Item = 
     seeds.into_iter().zip(samples).map(run).collect()
 }
 
-/// Whether every case has a run that counts.
+/// Checks that every case has at least one run that did not fail.
 pub fn check_cases(cases: &[Case]) -> Result<(), Error> {
     for case in cases {
         if let (true, Some(Run { seed, outcome: Err(why) })) =
@@ -63,8 +64,9 @@ pub fn check_cases(cases: &[Case]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Writes all files into `folder`, with figures of the measures `names` (the usual ones where there are none); the table
-/// for the terminal. On rank 0.
+/// Writes all files into `folder` and returns the table for the terminal. Rank 0 only.
+///
+/// The figures and the table show the measures `names`, or the usual ones if there are no names.
 pub fn write(folder: &Path, cases: &[Case], names: &[String]) -> Result<String, Error> {
     let chosen: Vec<usize> = (0..MEASURES.len())
         .filter(|&k| match names.is_empty() {

@@ -1,26 +1,26 @@
-//! Which scenes an ensemble runs, from which starts, and what varies.
+//! What an ensemble runs: its scenes, its seeds and the keys that vary.
 
 use crate::scene::split_values;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-/// Most seeds of an ensemble.
+/// Largest number of seeds in an ensemble.
 const MOST_SEEDS: usize = 100_000;
 
-/// Scenes to run from many starts.
+/// Scenes to run from many initial conditions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Request {
-    /// Scene files; several are cases side by side.
+    /// Scene files. Several scenes are cases side by side.
     pub scenes: Vec<PathBuf>,
-    /// Seeds of the starts.
+    /// Seeds of the initial conditions.
     pub seeds: Seeds,
-    /// Keys that vary; all combinations of their values are cases.
+    /// Keys that vary. Every combination of their values is a case.
     pub vary: Vec<Vary>,
     /// KEY=VALUE of every `--set`.
     pub set: Vec<String>,
 }
 
-/// Seeds in ascending order, none twice; at least one.
+/// Seeds in ascending order, without repetition. There is at least one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Seeds(pub Vec<u64>);
 
@@ -28,7 +28,8 @@ impl FromStr for Seeds {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let form = "it must be a number of seeds such as 10 (seeds 1 to 10), a range such as 11-20, or a list such as 3,5,7";
+        let form = "it must be a number of seeds such as 10 (seeds 1 to 10), a range such as 11-20, \
+                    or a list such as 3,5,7";
         let number = |word: &str| word.trim().parse::<u64>().map_err(|_| form.to_owned());
         let mut seeds = Vec::new();
         let parts: Vec<&str> = text.split(',').collect();
@@ -44,7 +45,7 @@ impl FromStr for Seeds {
                     _ => format!("the range {part} is empty: its first number must not be above its last"),
                 });
             }
-            // The scene is TOML, whose integers have 63 bits.
+            // The seed is stored in TOML, whose integers are signed and have 64 bits.
             if i64::try_from(to).is_err() {
                 return Err(format!("{to} is too large: seeds go up to {}", i64::MAX));
             }
@@ -63,14 +64,14 @@ impl FromStr for Seeds {
     }
 }
 
-/// A scene key and the values it takes, in all scenes or in one.
+/// A scene key and its values, for all scenes or for one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Vary {
-    /// The scene that varies, by path or name; none: all.
+    /// Path or name of the scene that varies; `None`: all scenes.
     pub scene: Option<String>,
     /// Dotted path of the key.
     pub key: String,
-    /// Values in TOML; at least one.
+    /// Values in TOML. There is at least one.
     pub values: Vec<String>,
 }
 

@@ -1,11 +1,11 @@
-//! Statistics of the cases: at the end of the runs, over time, and between cases on the same seeds.
+//! Statistics of the cases: at the end of the runs, over time, and differences between cases for equal seeds.
 
 use super::measures::{MEASURES, OVER_TIME};
 use super::{Case, Run};
 use crate::math::interval::{Interval, interval};
 use serde::Serialize;
 
-/// What the runs of a case say about a measure.
+/// Statistics of a measure over the runs of a case.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Spread {
     /// Mean and its 95 % interval.
@@ -15,11 +15,11 @@ pub struct Spread {
     pub min: f64,
     /// Largest value.
     pub max: f64,
-    /// Standard deviation of a single run, with n - 1; infinite for one run.
+    /// Standard deviation of a single run, with n - 1 in the denominator; infinite if there is one run.
     pub standard_deviation: f64,
 }
 
-/// Statistics of the finite `values`; none without one.
+/// Statistics of the finite numbers among `values`; `None` if there are none.
 pub fn spread(values: &[f64]) -> Option<Spread> {
     let finite: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     let interval = interval(&finite)?;
@@ -33,35 +33,37 @@ pub fn spread(values: &[f64]) -> Option<Spread> {
     })
 }
 
-/// A measure of a case at the end of its runs.
+/// Statistics of a measure at the end of the runs of a case.
 #[derive(Debug, Clone, PartialEq)]
 pub struct End {
-    /// Over the sound runs; none where no run has the measure.
+    /// Over the runs that did not fail; `None` if no run has the measure.
     pub spread: Option<Spread>,
-    /// Mean of the differences to the first case over the seeds that are sound in both; none for the first case.
+    /// Mean difference to the first case, over the seeds whose runs failed in neither of the two cases.
+    ///
+    /// `None` for the first case.
     pub difference: Option<Interval>,
 }
 
-/// A time of an evolution.
+/// Statistics at one time of an evolution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moment {
     /// Time, s.
     pub time: f64,
-    /// A spread for every measure with an evolution.
+    /// The spread of every measure that can be followed over time.
     pub spreads: Vec<Option<Spread>>,
 }
 
-/// All statistics.
+/// All statistics of an ensemble.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
-    /// For every case all measures, in the order of `MEASURES`.
+    /// For every case, all measures in the order of `MEASURES`.
     pub ends: Vec<Vec<End>>,
-    /// For every case its evolution.
+    /// For every case, its statistics over time.
     pub evolutions: Vec<Vec<Moment>>,
 }
 
 impl Summary {
-    /// Of all `cases`.
+    /// Computes the statistics of all `cases`.
     pub fn of(cases: &[Case]) -> Self {
         let end = |case: &Case, number: usize, k: usize| End {
             spread: spread(&values(case, k)),
@@ -79,7 +81,7 @@ fn end_of(run: &Run, k: usize) -> Option<f64> {
     run.outcome.as_ref().ok().map(|followed| followed.end[k])
 }
 
-/// Measure `k` at the end of the sound runs.
+/// Values of measure `k` at the end of the runs that did not fail.
 pub fn values(case: &Case, k: usize) -> Vec<f64> {
     case.runs.iter().filter_map(|run| end_of(run, k)).collect()
 }
@@ -94,7 +96,7 @@ fn difference(case: &Case, first: &Case, k: usize) -> Option<Interval> {
     interval(&differences)
 }
 
-/// The case over time. A run that was stopped at rest keeps its last values.
+/// The case over time. A run that ended early at rest keeps its last values.
 fn evolution(case: &Case) -> Vec<Moment> {
     let sound: Vec<_> = case.runs.iter().filter_map(|run| run.outcome.as_ref().ok()).collect();
     let longest = sound.iter().map(|followed| followed.times.len()).max().unwrap_or(0);

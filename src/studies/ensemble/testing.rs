@@ -1,9 +1,9 @@
-//! A scene for tests.
+//! A scene for the tests of ensembles.
 
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 
-/// What eight spheres fall into, in TOML.
+/// The scene in TOML: eight spheres above the bottom of a box.
 pub const TEXT: &str = "t_end = 1
     gravity = [0, 0, -9.81]
     particles = { radius = 0.1, grid = { count = 8, bottom = 0.2, seed = 1 } }
@@ -11,7 +11,7 @@ pub const TEXT: &str = "t_end = 1
                 dissipation_focusing = 10, interaction_distance = 0.1 }
     container.box = { max = [0.5, 0.5, inf] }";
 
-/// Eight spheres fall into a box.
+/// Eight spheres that fall into a box.
 pub fn scene(sets: &[&str]) -> (Scene, InitialCondition) {
     let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
     let scene = Scene::parse("eight.toml", TEXT, &sets).unwrap();

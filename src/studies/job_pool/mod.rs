@@ -1,4 +1,4 @@
-//! Shares independent runs out over ranks and threads, and brings what they gave to all ranks.
+//! Distributes independent runs over ranks and threads, and gives the results to all ranks.
 
 pub mod run;
 
@@ -11,54 +11,56 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-/// The work of one run.
+/// The work that one run takes.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Work {
     /// Evaluations of the right-hand side.
     pub rhs_evaluations: u64,
-    /// Pairs evaluated within all right-hand sides.
+    /// Pairs evaluated in all right-hand sides.
     pub pair_evaluations: u64,
     /// Steps accepted.
     pub steps_accepted: u64,
     /// Steps rejected.
     pub steps_rejected: u64,
-    /// Wall time multiplied by the cores in use, s.
+    /// Processor time of the thread that ran the job, s.
     pub core_seconds: f64,
 }
 
-/// What a job gave.
+/// The result of a job.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Sample {
-    /// What it cost.
+    /// The work it took.
     pub work: Work,
-    /// Why it ended early, if it did.
+    /// Why it ended early, or `None`.
     pub failure: Option<String>,
-    /// Its results, in an order that the study knows; may be incomplete after a failure.
+    /// Its results, in an order that the study defines. After a failure some may be missing.
     pub numbers: Vec<f64>,
 }
 
 impl Sample {
-    /// Result number `k`, NaN where the job did not get so far.
+    /// Result number `k`; NaN if the job ended before it.
     pub fn number(&self, k: usize) -> f64 {
         self.numbers.get(k).copied().unwrap_or(f64::NAN)
     }
 }
 
-/// The ranks and threads that do jobs.
+/// The ranks and threads that run jobs.
 pub struct JobPool<'a> {
-    /// The ranks; job k is done by rank k modulo their number.
+    /// The ranks. Job k runs on rank k modulo the number of ranks.
     pub comm: &'a dyn Comm,
-    /// Threads of this rank, each with a job of its own.
+    /// Threads of this rank. Each thread runs one job at a time.
     pub threads: usize,
-    /// No lines about progress.
+    /// Whether to print no lines about progress.
     pub quiet: bool,
 }
 
-/// Time between two lines about progress.
+/// Shortest time between two lines about progress.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 impl<'a> JobPool<'a> {
-    /// Starts the threads of every rank, `threads` or what its cores allow, and tells what is wrong with them. Collective.
+    /// Starts the threads of every rank: `threads` of them, or as many as its cores allow. Collective.
+    ///
+    /// Prints a warning if rank 0 is bound to a single core although others are free.
     pub fn start(comm: &'a dyn Comm, threads: Option<usize>, quiet: bool) -> Result<Self, Error> {
         launch::check_launcher(comm.size())?;
         let threads = agree(comm, launch::start_threads(comm, threads))?;
@@ -70,7 +72,9 @@ impl<'a> JobPool<'a> {
 }
 
 impl JobPool<'_> {
-    /// The samples of all `jobs`, in their order, on every rank. `what` names them in lines about progress. Collective.
+    /// Runs all `jobs` and returns their samples in the order of the jobs, on every rank. Collective.
+    ///
+    /// `what` names the jobs in lines about progress.
     pub fn run<J: Sync>(&self, what: &str, jobs: &[J], work: impl Fn(&J) -> Sample + Sync) -> Vec<Sample> {
         let (rank, size) = (self.comm.rank(), self.comm.size());
         let own: Vec<&J> = jobs.iter().skip(rank).step_by(size).collect();
@@ -86,7 +90,7 @@ impl JobPool<'_> {
         (0..jobs.len()).map(|k| all[k % size].next().expect("every rank did all of its jobs")).collect()
     }
 
-    /// Tells what is to come. Rank 0 only speaks.
+    /// Prints a line about what comes next, on rank 0 and unless the pool is quiet.
     pub fn tell(&self, text: &str) {
         if self.comm.rank() == 0 && !self.quiet {
             launch::say(text);
@@ -94,17 +98,19 @@ impl JobPool<'_> {
     }
 }
 
-/// Does the jobs on `threads` threads; each takes the next job that nobody has taken. Loops inside a job find one
-/// thread to run on.
+/// Runs the jobs on `threads` threads. Each thread takes the next job that is free.
+///
+/// Parallel loops inside a job run on one thread.
 fn take_turns<J: Sync>(threads: usize, jobs: &[J], work: impl Fn(&J) -> Sample + Sync) -> Vec<Sample> {
     let next = AtomicUsize::new(0);
     let done = Mutex::new(vec![None; jobs.len()]);
     let worker = || {
-        // After a panic nobody starts another job: the program is about to end.
+        // After a panic no thread starts another job, because the program is about to end.
         let _stop = StopAtPanic(&next);
         let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be started");
         loop {
-            // Far below overflow: every thread adds one job too many, and a panic the largest number / 2.
+            // This cannot overflow. Each thread adds at most one job too many; a panic stores `usize::MAX /
+            // 2`.
             let k = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = jobs.get(k) else { return };
             let sample = alone.install(|| work(job));
@@ -130,7 +136,7 @@ impl Drop for StopAtPanic<'_> {
     }
 }
 
-/// Does the job and measures the time of this thread.
+/// Runs the job and measures the processor time of this thread.
 fn timed(work: impl FnOnce() -> Sample) -> Sample {
     let clock = || {
         let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
@@ -142,11 +148,11 @@ fn timed(work: impl FnOnce() -> Sample) -> Sample {
     sample
 }
 
-/// The samples of every rank, by rank. Collective.
+/// The samples of all ranks, by rank. Collective.
 fn gather(comm: &dyn Comm, own: &[Sample]) -> Vec<Vec<Sample>> {
     let (rank, size) = (comm.rank(), comm.size());
     let message = packed(own);
-    // To each other rank the same; to itself nothing.
+    // Every other rank gets the same message. This rank sends nothing to itself.
     let length = |other: usize| if other == rank { 0 } else { message.len() as u64 };
     let lengths: Vec<u64> = (0..size).map(length).collect();
     let mut incoming = Parcels::with_counts(&comm.transpose(&lengths));
@@ -161,12 +167,12 @@ fn gather(comm: &dyn Comm, own: &[Sample]) -> Vec<Vec<Sample>> {
     all
 }
 
-/// Samples as one list of numbers.
+/// Packs samples into one list of numbers.
 fn packed(samples: &[Sample]) -> Vec<f64> {
     let mut list = Vec::new();
     for Sample { work, failure, numbers } in samples {
         let counts = [work.rhs_evaluations, work.pair_evaluations, work.steps_accepted, work.steps_rejected];
-        // Counts are exact below 2^53.
+        // Counts below 2^53 are exact in f64.
         list.extend(counts.map(|count| count as f64));
         let why = failure.as_deref().unwrap_or_default();
         let failed = f64::from(u8::from(failure.is_some()));
@@ -177,7 +183,7 @@ fn packed(samples: &[Sample]) -> Vec<f64> {
     list
 }
 
-/// Numbers of a sample before its text and its results.
+/// Count of numbers in a packed sample before its text and its results.
 const HEAD: usize = 8;
 
 /// The inverse of `packed`.
@@ -203,7 +209,7 @@ fn unpacked(mut list: &[f64]) -> Vec<Sample> {
     samples
 }
 
-/// Lines about how many jobs are done; threads share it.
+/// Prints how many jobs are done. Threads share it.
 struct Progress<'a> {
     speaks: bool,
     what: &'a str,
@@ -222,7 +228,7 @@ impl<'a> Progress<'a> {
         Progress { speaks, what, own, whose, state: Mutex::new((0, Instant::now())) }
     }
 
-    /// One more is done.
+    /// Counts one more job as done.
     fn done(&self) {
         let Ok(mut state) = self.state.lock() else { return };
         state.0 += 1;
@@ -247,7 +253,7 @@ mod tests {
         }
     }
 
-    /// NaN is not equal to itself.
+    /// The samples with numbers as bits, because NaN does not equal itself.
     fn bits(samples: &[Sample]) -> Vec<(u64, Option<String>, Vec<u64>)> {
         let of = |sample: &Sample| {
             let numbers = sample.numbers.iter().map(|number| number.to_bits()).collect();

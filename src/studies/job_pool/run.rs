@@ -1,4 +1,6 @@
-//! One run of a scene on one thread, shown as plain vectors and ended where it takes too much work.
+//! Runs a scene on one thread. The caller gets each frame as plain vectors.
+//!
+//! A limit ends runs that take too much work.
 
 use super::{Sample, Work};
 use crate::domain::Solo;
@@ -25,7 +27,7 @@ pub struct FrameData {
     pub kinetic_energy: f64,
     /// Potential energy of contacts and height, J.
     pub potential_energy: f64,
-    /// Energy dissipated so far by rebound and by friction, J; zero unless the scene asks for it.
+    /// Energy dissipated so far by rebound and by friction, J; zero unless the scene asks for dissipation.
     pub dissipated: [f64; 2],
     /// Largest overlap, m.
     pub largest_overlap: f64,
@@ -33,15 +35,20 @@ pub struct FrameData {
     pub bed_height: f64,
 }
 
-/// Right-hand sides that a run of `particles` particles may take: 3 million, and fewer where each is expensive.
+/// Limit on the right-hand sides of a run of `particles` particles: 3 million, and fewer for many particles,
+/// because each one then costs more.
 pub fn work_limit(particles: usize) -> u64 {
     (1_000_000_000 / particles.max(1) as u64).clamp(20_000, 3_000_000)
 }
 
-/// Runs `scene` from `start`, at most for `limit` right-hand sides, and shows every frame to `look`. The sample has
-/// the work, up to the last frame where the run failed, and why it failed; numbers are left to the caller.
+/// Runs `scene` from `start` and calls `look` with every frame.
+///
+/// The run ends at the first frame with more than `limit` right-hand sides.
+///
+/// The sample has the work and, if the run failed, the reason. The work of a failed run is counted up to its
+/// last frame. The caller fills in the numbers.
 pub fn run(scene: &Scene, start: &InitialCondition, limit: u64, mut look: impl FnMut(&FrameData)) -> Sample {
-    // The work of fixed steps is known before.
+    // The number of fixed steps is known in advance, so check it before the run.
     let steps = scene.solver.step.map_or(0.0, |step| scene.t_end / step);
     if steps > limit as f64 {
         let why = Error::WorkLimit { t: 0.0, done: 0, limit };
@@ -62,7 +69,7 @@ pub fn run(scene: &Scene, start: &InitialCondition, limit: u64, mut look: impl F
     Sample { work, failure: outcome.err().map(|why| why.to_string()), numbers: Vec::new() }
 }
 
-/// A run, once its effects are types.
+/// A run whose effects `dispatch` turns into types.
 struct Plain<'a> {
     scene: &'a Scene,
     start: &'a InitialCondition,

@@ -1,4 +1,4 @@
-//! The files of a comparison: one CSV row a run, and JSON with everything that was found.
+//! The files of a comparison: CSV with one row for each run, and JSON with all results.
 
 mod table;
 
@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 pub use table::table;
 
-/// All that one comparison found.
+/// All results of one comparison.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
     /// Text of the scene.
@@ -21,15 +21,16 @@ pub struct Report {
     pub records: Vec<Record>,
     /// Means over the seeds.
     pub statistics: Vec<Statistic>,
-    /// Time after which trajectories of different solvers have nothing in common, s; none if it was not reached.
+    /// Time after which trajectories of different solvers are no longer comparable, s; `None` if the search
+    /// ended before it.
     pub decorrelation_time: Option<f64>,
-    /// The solver to use, and why.
+    /// The recommended solver, and why.
     pub recommendation: String,
-    /// What a reader must know to judge the numbers.
+    /// Notes that a reader needs to judge the numbers.
     pub notes: Vec<String>,
 }
 
-/// Columns before the measures.
+/// Columns before the measures: parameters and work of the run.
 const ASKED_AND_COST: [&str; 11] = [
     "study",
     "variation",
@@ -44,8 +45,10 @@ const ASKED_AND_COST: [&str; 11] = [
     "core_seconds",
 ];
 
-/// Writes one row a run: what was asked, what it cost, a column for every measure of any run (empty where a run has
-/// none), and last the failure. Numbers read back as the same doubles.
+/// Writes one row for each run: its parameters, its work, its measures and its failure.
+///
+/// Every measure of any run has a column, which is empty for runs without it. Numbers read back as the same
+/// doubles.
 pub fn write_csv(path: &Path, records: &[Record]) -> Result<(), Error> {
     let measures: BTreeSet<&str> =
         records.iter().flat_map(|record| record.measures.keys().map(String::as_str)).collect();
@@ -78,12 +81,12 @@ fn row(record: &Record, measures: &BTreeSet<&str>) -> Vec<String> {
     row
 }
 
-/// The fewest digits that read back as the same double; nothing for none.
+/// The fewest digits that read back as the same double; an empty cell for `None`.
 fn number(value: Option<f64>) -> String {
     value.map(|value| format!("{value:?}")).unwrap_or_default()
 }
 
-/// Writes the report. JSON knows no infinity and no NaN: both become null.
+/// Writes the report as JSON. Infinity and NaN become null, because JSON has neither.
 pub fn write_json(path: &Path, report: &Report) -> Result<(), Error> {
     let mut text = serde_json::to_string_pretty(report).map_err(|why| cannot_write(path, why))?;
     text.push('\n');

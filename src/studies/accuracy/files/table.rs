@@ -1,4 +1,4 @@
-//! The comparison as a plain text table for the terminal.
+//! The table of a comparison, as plain text for the terminal.
 
 use crate::beds::text::shortened;
 use crate::math::digits::{scientific, significant};
@@ -6,14 +6,15 @@ use crate::math::interval::Interval;
 use crate::studies::accuracy::records::{Record, Solver, Statistic, Study};
 use std::collections::BTreeSet;
 
-/// Measures of a study that have a column; the others are in the CSV file.
+/// Largest number of measures of a study that have a column. The others are only in the CSV file.
 const MOST_MEASURES: usize = 4;
-/// Characters of a reason to fail.
+/// Longest reason of a failure, in characters.
 const REASON: usize = 60;
 
-/// One block a study, one line a run: method, tolerance or step, work, the first measures in the order of their
-/// names; a failed run has its reason instead. The runs of an ensemble share a line by solver, and the statistics
-/// over their seeds come last.
+/// One block for each study, with one line for each run: method, tolerance or step, work, and measures.
+///
+/// The measures are the first ones by name. A failed run has its reason instead. The runs of an ensemble
+/// share one line for each solver, and the statistics over their seeds come last.
 pub fn table(records: &[Record], statistics: &[Statistic]) -> String {
     let mut blocks = Vec::new();
     for study in [Study::Impact, Study::State, Study::Energy] {
@@ -28,14 +29,15 @@ pub fn table(records: &[Record], statistics: &[Statistic]) -> String {
     }
     if !statistics.is_empty() {
         blocks.push(format!(
-            "ensemble: means with 95 % intervals, and differences to the most accurate solver on the same seeds\n{}",
+            "ensemble: means with 95 % intervals, and differences to the most accurate solver \
+             on the same seeds\n{}",
             means(statistics)
         ));
     }
     blocks.join("\n")
 }
 
-/// One line a run.
+/// One line for each run.
 fn runs(records: &[&Record]) -> String {
     let names: BTreeSet<&str> =
         records.iter().flat_map(|record| record.measures.keys().map(String::as_str)).collect();
@@ -62,13 +64,13 @@ fn runs(records: &[&Record]) -> String {
     text
 }
 
-/// A measure: of errors the size matters, of other quantities their digits.
+/// A measure as text. An error needs its order of magnitude, any other quantity its digits.
 fn cell(name: &str, value: f64) -> String {
     let is_error = ["error", "drift", "balance"].iter().any(|word| name.contains(word));
     if is_error { scientific(value, 2) } else { significant(value, 6) }
 }
 
-/// One line a solver, with the means over its seeds.
+/// One line for each solver, with the means over its seeds.
 fn ensemble(records: &[&Record]) -> String {
     let mut groups: Vec<Vec<&Record>> = Vec::new();
     for record in records {
@@ -95,7 +97,7 @@ fn ensemble(records: &[&Record]) -> String {
     grid.text()
 }
 
-/// One line a solver and measure.
+/// One line for each solver and measure.
 fn means(statistics: &[Statistic]) -> String {
     let head = ["variation", "method", "tolerance", "measure", "mean", "+-", "n", "difference", "+-"];
     let mut grid = Grid::new(&head, &[]);
@@ -113,7 +115,7 @@ fn means(statistics: &[Statistic]) -> String {
     grid.text()
 }
 
-/// The first three columns.
+/// The first three columns of a line: variation, method and accuracy.
 fn asked(variation: Option<&str>, solver: &Solver) -> Vec<String> {
     let accuracy = match (solver.tolerance, solver.step) {
         (Some(tolerance), _) => format!("{tolerance:e}"),
@@ -123,7 +125,7 @@ fn asked(variation: Option<&str>, solver: &Solver) -> Vec<String> {
     vec![variation.unwrap_or_default().to_owned(), solver.method.to_string(), accuracy]
 }
 
-/// Lines of cells, the first of them the head, and a remark behind each line.
+/// Lines of cells, each followed by a remark. The first line is the head.
 struct Grid {
     lines: Vec<(Vec<String>, String)>,
 }
@@ -138,8 +140,10 @@ impl Grid {
         self.lines.push((cells, remark.unwrap_or_default()));
     }
 
-    /// Columns are as wide as their widest cell; one that is empty below its head is left out. Words are aligned
-    /// to the left, numbers to the right.
+    /// The lines as text. Each column is as wide as its widest cell. Words are aligned to the left, numbers
+    /// to the right.
+    ///
+    /// A column that is empty below its head is left out.
     fn text(&self) -> String {
         let columns = self.lines[0].0.len();
         let below = |column: usize| self.lines[1..].iter().map(move |(cells, _)| cells[column].as_str());

@@ -1,0 +1,19 @@
+//! The program against exact answers for the paper's contact model, and what no change of the code may break.
+//! Where an exact value is derived: docs/design.md. All runs are on one rank, inside the test.
+
+mod balance;
+#[path = "../../benches/common/mod.rs"]
+mod beds;
+mod common;
+mod friction;
+mod hard;
+mod impact;
+#[path = "../program/mpirun.rs"]
+mod mpirun;
+#[cfg(feature = "long-tests")]
+mod packing;
+mod properties;
+mod reference;
+mod rest;
+mod scaling;
+mod solver;

@@ -1,0 +1,22 @@
+//! The real program as a user starts it: alone or under mpirun, with every command, stopped, killed and taken
+//! up again.
+
+mod accuracy;
+mod analyze;
+#[cfg(feature = "long-tests")]
+mod browser;
+#[cfg(feature = "long-tests")]
+mod builds;
+mod cli;
+mod comparison;
+#[cfg(feature = "mpi")]
+mod documents;
+mod ensemble;
+mod exports;
+#[cfg(feature = "mpi")]
+mod mpi;
+mod mpirun;
+mod python;
+mod readers;
+mod render;
+mod restart;

@@ -1,0 +1,197 @@
+//! `demhybrid render` as a user meets it: files, legends, animations, mistakes.
+
+use crate::mpirun::Job;
+use std::fs::{self, File};
+use std::io::BufReader;
+use std::path::Path;
+use tempfile::TempDir;
+
+const WHITE: [u8; 3] = [255; 3];
+/// The ends of the colours.
+const FIRST: [u8; 3] = [68, 1, 84];
+const LAST: [u8; 3] = [253, 231, 37];
+
+/// A run of two spheres without gravity, one at rest, one that moves to the right: frames at 0, 0.5 and 1 s.
+fn run() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let scene = "
+t_end = 1.0
+[particles]
+radius = 0.1
+file = 'start.csv'
+[contact]
+repulsion_at_contact = 10.0
+stiffness_exponent = 150.0
+restitution = 0.4
+dissipation_focusing = 10.0
+interaction_distance = 0.1
+[output]
+interval = 0.5
+";
+    fs::write(folder.path().join("two.toml"), scene).unwrap();
+    fs::write(folder.path().join("start.csv"), "x,y,z,vx,vy,vz\n0,0,0,0,0,0\n0.5,0,1,1,0,0\n").unwrap();
+    Job::alone(folder.path(), &["two.toml", "-q"]).run().with_code(0);
+    folder
+}
+
+fn render(folder: &TempDir, options: &str) -> String {
+    let arguments: Vec<&str> =
+        ["render", "two.vtkhdf"].into_iter().chain(options.split_whitespace()).collect();
+    Job::alone(folder.path(), &arguments).run().with_code(0).stderr
+}
+
+/// Width, height and pixels.
+fn png(path: &Path) -> (usize, usize, Vec<[u8; 3]>) {
+    let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    assert_eq!(info.color_type, png::ColorType::Rgb);
+    (info.width as usize, info.height as usize, bytes.as_chunks::<3>().0.to_vec())
+}
+
+#[test]
+fn a_picture_has_spheres_legend_and_time() {
+    let folder = run();
+    let told = render(&folder, "-o a.png --size 600x400 --direction 0,-1,0 --projection orthographic");
+    assert!(told.contains("a.png is drawn"), "{told}");
+    let (width, height, pixels) = png(&folder.path().join("a.png"));
+    assert_eq!((width, height), (600, 400));
+    let count =
+        |columns: std::ops::Range<usize>, rows: std::ops::Range<usize>, is: &dyn Fn([u8; 3]) -> bool| {
+            rows.flat_map(|row| columns.clone().map(move |column| row * 600 + column))
+                .filter(|&k| is(pixels[k]))
+                .count()
+        };
+    let inked = |pixel: [u8; 3]| pixel != WHITE;
+    // The time and the bar with its two ends to the right, dark letters and lines; nothing in the corner
+    // below.
+    assert!(count(475..600, 0..40, &inked) > 50);
+    assert!(count(475..600, 40..360, &|pixel| pixel == FIRST) >= 20);
+    assert!(count(475..600, 40..360, &|pixel| pixel == LAST) >= 20);
+    assert!(count(475..600, 40..360, &|pixel| pixel == [24; 3]) > 100);
+    assert_eq!(count(475..600, 385..400, &inked), 0);
+    // The spheres: the lower one violet, the upper one, further right, yellow.
+    let yellow = |pixel: [u8; 3]| pixel[0] > 120 && pixel[1] > 100 && pixel[2] < 100;
+    let violet = |pixel: [u8; 3]| pixel[0] > pixel[1] && pixel[2] > pixel[1] && inked(pixel);
+    assert!(count(0..470, 0..200, &yellow) > 500 && count(0..470, 200..400, &violet) > 500);
+    assert_eq!(count(0..470, 200..400, &yellow), 0);
+
+    render(&folder, "-o plain.png --size 600x400 --plain --background 102030");
+    let (_, _, plain) = png(&folder.path().join("plain.png"));
+    assert!(plain[599] == [0x10, 0x20, 0x30] && !plain.contains(&[236; 3]));
+}
+
+#[test]
+fn a_range_fixes_the_colours() {
+    let folder = run();
+    let colours = |options: &str| {
+        render(&folder, &format!("-o a.png --size 500x400 --force --plain --colour speed {options}"));
+        png(&folder.path().join("a.png")).2
+    };
+    // Speeds are 0 and 1 m/s: beyond this range the colour is that of its end, so that both are violet, or
+    // yellow.
+    let is_yellow = |pixel: &[u8; 3]| pixel[0] > 100 && pixel[1] > pixel[2];
+    assert!(!colours("--range 2,3").iter().any(|pixel| is_yellow(pixel) && *pixel != WHITE));
+    assert!(colours("--range -2,-1").iter().all(|pixel| *pixel == WHITE || pixel[1] >= pixel[2]));
+    assert!(colours("").iter().any(|pixel| is_yellow(pixel) && *pixel != WHITE));
+}
+
+#[test]
+fn the_same_bytes_come_from_any_number_of_threads() {
+    let folder = run();
+    for threads in ["1", "2", "3"] {
+        render(&folder, &format!("-o {threads}.png --size 500x400 --threads {threads}"));
+    }
+    let [one, two, three] =
+        ["1.png", "2.png", "3.png"].map(|name| fs::read(folder.path().join(name)).unwrap());
+    assert!(one == two && one == three);
+}
+
+#[test]
+fn animations_hold_all_frames_seen_alike() {
+    let folder = run();
+    let options = "--frame all --size 400x300 --direction 0,-1,0 --projection orthographic";
+    render(&folder, &format!("-o film.png {options}"));
+    let pictures: Vec<Vec<[u8; 3]>> =
+        (0..3).map(|k| png(&folder.path().join(format!("film-000{k}.png"))).2).collect();
+    // The camera stands still: the sphere at rest, below the middle, is the same in all, and the other one
+    // moves.
+    let below = |k: usize| &pictures[k][180 * 400..];
+    assert!(below(0) == below(1) && below(1) == below(2) && below(0).iter().any(|&pixel| pixel != WHITE));
+    assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2]);
+
+    render(&folder, &format!("-o film.apng {options} --fps 10"));
+    let file = BufReader::new(File::open(folder.path().join("film.apng")).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    assert_eq!(reader.info().animation_control().unwrap().num_frames, 3);
+    for picture in &pictures {
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        assert!(bytes == picture.as_flattened());
+    }
+
+    render(&folder, &format!("-o film.gif {options} --fps 10"));
+    let mut options = gif::DecodeOptions::new();
+    options.set_color_output(gif::ColorOutput::RGBA);
+    let mut reader = options.read_info(File::open(folder.path().join("film.gif")).unwrap()).unwrap();
+    for picture in &pictures {
+        let frame = reader.read_next_frame().unwrap().expect("a frame for every picture");
+        assert_eq!((frame.width, frame.height, frame.delay), (400, 300, 10));
+        let apart = |(a, b): (&[u8; 4], &[u8; 3])| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
+        let apart: Vec<u8> = frame.buffer.as_chunks::<4>().0.iter().zip(picture).map(apart).collect();
+        // 256 colours for all frames.
+        let mean = apart.iter().map(|&a| f64::from(a)).sum::<f64>() / apart.len() as f64;
+        assert!(mean < 1.0 && apart.iter().all(|&a| a < 60), "{mean} {:?}", apart.iter().max());
+    }
+    assert!(reader.read_next_frame().unwrap().is_none());
+}
+
+#[test]
+fn an_existing_picture_is_kept_unless_told_otherwise() {
+    let folder = run();
+    let path = folder.path().join("a-0001.png");
+    fs::write(&path, "precious").unwrap();
+    let refused = Job::alone(folder.path(), &["render", "two.vtkhdf", "-o", "a.png", "--frame", "all"])
+        .run()
+        .with_code(2);
+    assert!(refused.stderr.contains("a-0001.png: the file exists; use --force"), "{}", refused.stderr);
+    assert!(fs::read_to_string(&path).unwrap() == "precious" && !folder.path().join("a-0000.png").exists());
+    render(&folder, "-o a.png --frame all --force --size 300x300");
+    assert_eq!(png(&path).0, 300);
+}
+
+#[test]
+fn mistakes_name_option_and_value_and_write_nothing() {
+    let folder = run();
+    for (options, parts) in [
+        ("-o a.jpg", vec!["--output a.jpg", ".png"]),
+        ("-o no/a.png", vec!["--output no/a.png", "no folder no"]),
+        ("-o a.png --frame 3", vec!["--frame 3", "0 to 2"]),
+        ("-o a.png --frame first", vec!["'first'", "--frame", "last, all"]),
+        ("-o a.png --size 1280", vec!["'1280'", "--size", "1280x960"]),
+        ("-o a.png --size 100x100", vec!["--size 100x100", "--plain"]),
+        ("-o a.png --colour mass", vec!["'mass'", "--colour", "height"]),
+        ("-o a.png --colour spin", vec!["--colour spin", "do not rotate"]),
+        ("-o a.png --range 1", vec!["'1'", "--range", "two numbers"]),
+        ("-o a.png --range 2,1", vec!["'2,1'", "--range", "less than"]),
+        ("-o a.png --direction 0,0,0", vec!["--direction 0,0,0", "zero"]),
+        ("-o a.png --direction 1,2", vec!["'1,2'", "--direction", "three numbers"]),
+        ("-o a.png --from 1,2,3 --target 1,2,3", vec!["--from 1,2,3", "--target"]),
+        ("-o a.png --up inf,0,0", vec!["'inf,0,0'", "--up", "finite"]),
+        ("-o a.png --zoom 0", vec!["'0'", "--zoom", "greater than 0"]),
+        ("-o a.png --background red", vec!["'red'", "--background", "RRGGBB"]),
+        ("-o a.gif --fps 0", vec!["0", "--fps", "1..=50"]),
+        ("", vec!["--output <FILE>"]),
+    ] {
+        let arguments: Vec<&str> =
+            ["render", "two.vtkhdf"].into_iter().chain(options.split_whitespace()).collect();
+        let refused = Job::alone(folder.path(), &arguments).run().with_code(2);
+        for part in parts {
+            assert!(refused.stderr.contains(part), "{options}: no {part} in\n{}", refused.stderr);
+        }
+        assert!(refused.stdout.is_empty());
+    }
+    assert!(!folder.path().join("a.png").exists() && !folder.path().join("a.gif").exists());
+    let missing = Job::alone(folder.path(), &["render", "none.vtkhdf", "-o", "a.png"]).run().with_code(2);
+    assert!(missing.stderr.contains("none.vtkhdf: there is no such file"), "{}", missing.stderr);
+}
