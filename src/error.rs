@@ -179,7 +179,7 @@ pub enum Error {
     Output {
         /// The output file as the user named it.
         file: String,
-        /// What the system or HDF5 said.
+        /// The error message of the system or of HDF5.
         why: String,
     },
 
@@ -198,7 +198,7 @@ pub enum Error {
     Checkpoint {
         /// The checkpoint file.
         file: String,
-        /// What the system said.
+        /// The error message of the system.
         why: String,
     },
 

@@ -18,8 +18,8 @@ use crate::studies::job_pool::JobPool;
 /// Runs the scene with several methods and tolerances. Compares these runs with exact answers and with a far
 /// more accurate run of its own.
 ///
-/// Writes tables (runs.csv, accuracy.json) and figures (SVG) to a folder. The table, what to know about it,
-/// and a recommendation go to stdout.
+/// Writes tables (runs.csv, accuracy.json) and figures (SVG) to a folder. The table, remarks on it and a
+/// recommendation go to stdout.
 ///
 /// Study "impact": one sphere hits a floor. Errors of the time to the next highest point and of the
 /// restitution, against their exact values.
@@ -27,7 +27,7 @@ use crate::studies::job_pool::JobPool;
 /// Study "state": all spheres at one time, against the reference. After some time trajectories part for ever,
 /// whatever the solver. That time is found and printed, and states are compared before it.
 ///
-/// Study "energy": drift of the energy if nothing dissipates it, else the energy missing from the balance.
+/// Study "energy": drift of the energy if nothing dissipates it, else energy that is not accounted for.
 ///
 /// Study "ensemble": volume fraction, bed height, coordination number and largest overlap over several
 /// initial states, with 95 % intervals.
@@ -40,7 +40,7 @@ pub struct AccuracyArgs {
     /// Scene file, TOML in SI units
     pub scene: PathBuf,
 
-    /// Folder for tables and figures [default: SCENE-accuracy in the working folder]
+    /// Folder for tables and figures [default: NAME-accuracy of NAME.toml, in the working folder]
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
 
@@ -50,7 +50,13 @@ pub struct AccuracyArgs {
 
     /// Tolerances of the methods with error control [default: 1e-1 to 1e-8, of chebyshev to 1e-6, in
     /// ensembles to 1e-4]
-    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "NUMBERS",
+        value_delimiter = ',',
+        value_parser = positive,
+        allow_negative_numbers = true
+    )]
     pub tolerances: Vec<f64>,
 
     /// Steps of velocity-verlet in s [default: 1e-2, 3e-3, 1e-3, 3e-4 and 1e-4 of T]
@@ -58,11 +64,23 @@ pub struct AccuracyArgs {
     /// T = 1/sqrt(kappa g) is the time in which a sphere at rest on a floor swings by one radian. Here kappa
     /// is the stiffness exponent and g the gravity. Without gravity T = 1/(kappa V), the time of an impact at
     /// the scene's velocity scale V.
-    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', value_parser = positive, allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_name = "NUMBERS",
+        value_delimiter = ',',
+        value_parser = positive,
+        allow_negative_numbers = true
+    )]
     pub steps: Vec<f64>,
 
     /// Initial states of a scene with particles.grid: its seeds 1 to N
-    #[arg(long, value_name = "N", default_value = "5", allow_negative_numbers = true, value_parser = RangedU64ValueParser::<u64>::new().range(1..=1000))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "5",
+        allow_negative_numbers = true,
+        value_parser = RangedU64ValueParser::<u64>::new().range(1..=1000)
+    )]
     pub seeds: u64,
 
     /// Time at which states are compared, s [default: the last one before trajectories part]

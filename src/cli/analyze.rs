@@ -1,5 +1,4 @@
-//! `demhybrid analyze`: measures how densely a bed is packed and how its spheres touch, and shows how the run
-//! went.
+//! `demhybrid analyze`: how densely a bed is packed, how its spheres touch, and how the run went.
 
 use std::path::{Path, PathBuf};
 
@@ -18,8 +17,7 @@ pub struct AnalyzeArgs {
     /// Output file of a run
     pub run: PathBuf,
 
-    /// Folder for tables (CSV), figures (SVG), summary.json and report.html [default: RUN's name with
-    /// -analysis]
+    /// Folder for tables (CSV), figures (SVG), summary.json, report.html [default: NAME-analysis of NAME.vtkhdf]
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
 
@@ -80,9 +78,13 @@ Examples:
   demhybrid analyze settle.vtkhdf --frame all -o settle-over-time
   demhybrid analyze settle.vtkhdf --cylinder 0.5,0.5,0.4,0.1,0.9 --force
 
-Volumes are those of the union of all spheres inside the region, exact to 1e-9 of it; what spheres cover several times
-is reported apart, and the paper's own count in [0, 1]^3, which counts it as often, beside it. Without --box, --cylinder
-or --whole the region is the base of container.box up to the shorter side of the base, or, where less than a tenth of the
+Volumes are those of the union of all spheres inside the region, exact to 1e-9 of it; \
+what spheres cover several times
+is reported apart, and the paper's own count in [0, 1]^3, which counts it as often, beside it. \
+Without --box, --cylinder
+or --whole the region is the base of container.box up to the shorter side of the base, \
+or, where less than a tenth of the
 centres lie above that, up to the height below which three quarters of them lie.
-Spheres touch where their gap is not positive. Rattlers have too few contacts to be held: fewer than 4, less 1 with
+Spheres touch where their gap is not positive. \
+Rattlers have too few contacts to be held: fewer than 4, less 1 with
 gravity, less 1 with friction, walls counted and other rattlers not.";

@@ -23,8 +23,7 @@ use crate::studies::job_pool::JobPool;
 /// The summary has means, ranges, standard deviations, 95 % intervals of the means by Student's t, and
 /// differences to the first case on the same seeds.
 ///
-/// Every run takes one core. Runs are shared out over ranks (mpirun) and threads; no number depends on
-/// either.
+/// Every run takes one core. Runs are shared out over ranks (mpirun) and threads, which change no number.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
 #[command(after_help = AFTER_HELP)]
 pub struct EnsembleArgs {
@@ -70,7 +69,7 @@ pub struct EnsembleArgs {
     #[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
     pub region: RegionArgs,
 
-    /// Folder for tables and figures [default: SCENE-ensemble in the working folder, after the first scene]
+    /// Folder for tables and figures [default: NAME-ensemble of the first scene, in the working folder]
     #[arg(short, long, alias = "out", value_name = "DIR")]
     pub output: Option<PathBuf>,
 
@@ -151,7 +150,8 @@ fn warn(cases: &[Case], comm: &dyn Comm) {
 const AFTER_HELP: &str = "\
 Examples:
   demhybrid ensemble configs/bed.toml --seeds 10
-  demhybrid ensemble configs/bed.toml --seeds 10 --vary friction.coefficient=0.05,0.1,0.2 --vary contact.restitution=0.4,0.8
+  demhybrid ensemble configs/bed.toml --seeds 10 --vary friction.coefficient=0.05,0.1,0.2 \
+    --vary contact.restitution=0.4,0.8
   mpirun -n 4 demhybrid ensemble configs/bed.toml --seeds 11-50 --threads 1
   demhybrid ensemble --gather bed-*.vtkhdf
 
@@ -160,14 +160,18 @@ Figure 4.3 of the paper, three variants of the model side by side, one of them w
       --vary settle:friction.coefficient=0.1,0.2 --measures paper_count_in_unit_cube -o fig-4-3
 
 Measures: volume_fraction, porosity, overlap_fraction (of the region, see --box), paper_count_in_unit_cube,
-volume_fraction_in_unit_cube, mean_coordination, mean_coordination_without_rattlers, rattlers, contacts, wall_contacts,
-mean_overlap, largest_overlap, mean_force, largest_force, bed_height, kinetic_energy, potential_energy (at the end),
+volume_fraction_in_unit_cube, mean_coordination, mean_coordination_without_rattlers, rattlers, contacts, \
+wall_contacts,
+mean_overlap, largest_overlap, mean_force, largest_force, bed_height, kinetic_energy, \
+potential_energy (at the end),
 largest_overlap_of_run, end_time, steps_accepted, steps_rejected, rhs_evaluations, pair_evaluations.
 
-Nothing is written of a single run: [checkpoint] and [limits] of a scene mean nothing here. Runs too large for one core
+Nothing is written of a single run: [checkpoint] and [limits] of a scene mean nothing here. \
+Runs too large for one core
 belong into a job array, and its files to --gather.
 
-A run that fails is reported and left out of the means; the command fails, with code 3, only if all runs of a case do.";
+A run that fails is reported and left out of the means; the command fails, with code 3, \
+only if all runs of a case do.";
 
 #[cfg(test)]
 mod tests {

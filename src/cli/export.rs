@@ -107,12 +107,14 @@ fn check_options(args: &ExportArgs) -> Result<(), Error> {
     }
     if let Some(resolution) = args.resolution.filter(|&n| !(n.is_finite() && n > 0.0)) {
         return Err(Error::Input(format!(
-            "--resolution {resolution}: it must be a finite number of voxels per radius greater than 0, e.g. 10"
+            "--resolution {resolution}: it must be a finite number of voxels per radius greater than 0, \
+             e.g. 10"
         )));
     }
     if let Some(subdivisions) = args.subdivisions.filter(|&n| n > MOST_SUBDIVISIONS) {
         return Err(Error::Input(format!(
-            "--subdivisions {subdivisions}: it must be 0 (20 triangles a sphere) to {MOST_SUBDIVISIONS}; 3 gives 1280"
+            "--subdivisions {subdivisions}: it must be 0 (20 triangles a sphere) to {MOST_SUBDIVISIONS}; \
+             3 gives 1280"
         )));
     }
     Ok(())
@@ -124,9 +126,12 @@ Examples:
   demhybrid export settle.vtkhdf --to xyz --frame all -o settle.xyz
   demhybrid export settle.vtkhdf --to raw --resolution 20 --ones pore -o pores.raw
 
-raw: one byte a voxel, x fastest, then y, then z; a voxel belongs to the solid if its centre does. The image fills
-container.box from its lower corner; an open top is cut at the bed height, other open sides where the spheres end.
-Positions are in m, velocities in m/s, angular velocities in 1/s. Numbers in csv, xyz, vtp and lammps read back as the
+raw: one byte a voxel, x fastest, then y, then z; a voxel belongs to the solid if its centre does. \
+The image fills
+container.box from its lower corner; an open top is cut at the bed height, \
+other open sides where the spheres end.
+Positions are in m, velocities in m/s, angular velocities in 1/s. \
+Numbers in csv, xyz, vtp and lammps read back as the
 same doubles.";
 
 #[cfg(test)]

@@ -50,8 +50,7 @@ mod tests {
     fn it_is_a_valid_scene_and_so_are_its_defaults() {
         let scene = Scene::parse("scene.toml", SCENE, &[]).unwrap();
         assert_eq!(scene.particles.grid.as_ref().unwrap().count, 200);
-        // The values behind # are defaults. With them the scene is the same, except for keys without a
-        // default.
+        // Keys behind # have their defaults. They change nothing, except for those without a default.
         let all = with_all_keys();
         let mut spelt_out =
             Scene::parse("scene.toml", &all, &[]).unwrap_or_else(|why| panic!("{why}\n{all}"));

@@ -49,7 +49,7 @@ pub struct CommandLine {
     command: Option<Command>,
 }
 
-/// The commands, which do something else than one run of a scene.
+/// The commands beside running a scene.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 enum Command {
     Accuracy(Box<AccuracyArgs>),
@@ -61,8 +61,7 @@ enum Command {
 /// The commands that need neither MPI nor a simulation.
 #[derive(Debug, Clone, PartialEq, Subcommand)]
 pub enum Tool {
-    /// Measure a bed: volume fraction, contacts, structure, and how the run went; write tables, figures and a
-    /// report
+    /// Measure a bed and its run: volume fraction, contacts, structure; write tables, figures and a report
     Analyze(Box<AnalyzeArgs>),
     /// Write frames of a run for other programs
     ///
@@ -149,7 +148,8 @@ Exit codes:
   2      a mistake found before the first step: scene, particles, command line, output file
   3      the computation failed: a force that is not finite, a step that cannot be made
   4      the output could not be written
-  5      stopped on request, by SIGTERM, SIGINT, SIGUSR1, limits.wall or the file OUTPUT.stop, with a checkpoint
+  5      stopped on request, by SIGTERM, SIGINT, SIGUSR1, limits.wall or the file OUTPUT.stop, \
+         with a checkpoint
   70     an internal error
   128+N  killed by signal N
 

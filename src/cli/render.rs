@@ -12,8 +12,8 @@ use crate::files::run_file::{RunFile, Which};
 
 /// Draw the spheres of a run: a picture, numbered pictures, or an animation
 ///
-/// Reads the output file of a run, finished or not, and draws its spheres by ray casting. The picture shows
-/// all spheres of all frames drawn, and a colour means the same in every frame.
+/// Reads the output file of a run, finished or not, and draws its spheres by ray casting. By default
+/// the camera takes in all spheres of all frames drawn. A colour means the same in every frame.
 ///
 /// The edges of the container fade where it is open, or where its next side is far from all spheres.
 #[derive(Debug, Clone, PartialEq, Args)]
@@ -44,9 +44,14 @@ pub struct RenderArgs {
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true)]
     pub range: Option<Limits>,
 
-    /// Direction from the spheres to the camera; its length does not matter [default: from the front, right
-    /// and above]
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = triple, conflicts_with = "from")]
+    /// Direction from the spheres to the camera, of any length [default: from the front, right and above]
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        allow_hyphen_values = true,
+        value_parser = triple,
+        conflicts_with = "from"
+    )]
     pub direction: Option<[f64; 3]>,
 
     /// Position of the camera, m [default: far enough to show everything]
@@ -66,7 +71,13 @@ pub struct RenderArgs {
     pub projection: Projection,
 
     /// Magnify the picture about its middle
-    #[arg(long, value_name = "FACTOR", default_value = "1", allow_negative_numbers = true, value_parser = factor)]
+    #[arg(
+        long,
+        value_name = "FACTOR",
+        default_value = "1",
+        allow_negative_numbers = true,
+        value_parser = factor
+    )]
     pub zoom: f64,
 
     /// Colour of the background: white, black, grey or RRGGBB in hexadecimal digits
@@ -82,11 +93,22 @@ pub struct RenderArgs {
     pub no_container: bool,
 
     /// Frames per second of an animation
-    #[arg(long, value_name = "N", default_value = "25", allow_negative_numbers = true, value_parser = RangedU64ValueParser::<u16>::new().range(1..=50))]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value = "25",
+        allow_negative_numbers = true,
+        value_parser = RangedU64ValueParser::<u16>::new().range(1..=50)
+    )]
     pub fps: u16,
 
     /// Threads [default: the cores, or RAYON_NUM_THREADS]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
+    #[arg(
+        long,
+        value_name = "N",
+        allow_negative_numbers = true,
+        value_parser = RangedU64ValueParser::<usize>::new().range(1..)
+    )]
     pub threads: Option<usize>,
 
     /// Replace existing files

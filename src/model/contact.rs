@@ -46,7 +46,7 @@ pub struct Elastic;
 #[derive(Debug, Clone, Copy)]
 pub struct Dissipative {
     e2: f64,
-    dissipated: f64,
+    one_less_e2: f64,
     two_psi: f64,
 }
 
@@ -54,7 +54,7 @@ impl Dissipative {
     /// The rebound function for the coefficient of restitution `e` (0..1) and the focusing coefficient `psi`
     /// (s/m).
     pub fn new(e: f64, psi: f64) -> Self {
-        Dissipative { e2: e * e, dissipated: 1.0 - e * e, two_psi: 2.0 * psi }
+        Dissipative { e2: e * e, one_less_e2: 1.0 - e * e, two_psi: 2.0 * psi }
     }
 }
 
@@ -73,7 +73,7 @@ impl Rebound for Dissipative {
     #[inline(always)]
     fn share<A: Arithmetic>(&self, v: f64) -> f64 {
         let exponential = exp_within::<A>(at_least(-80.0, at_most(80.0, -self.two_psi * v)));
-        A::add_product(self.dissipated, inverse::<A>(1.0 + exponential), self.e2)
+        A::add_product(self.one_less_e2, inverse::<A>(1.0 + exponential), self.e2)
     }
 }
 
@@ -152,7 +152,7 @@ pub struct Law<R, T> {
     pub l_max: f64,
     /// The rebound function.
     pub rebound: R,
-    /// Friction.
+    /// The tangential law: friction or none.
     pub tangential: T,
 }
 
@@ -199,7 +199,7 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
 #[derive(Debug, Clone, Copy)]
 pub struct Energies<'a, R, T> {
     law: &'a Law<R, T>,
-    /// rho(0)
+    /// rho(0).
     share: f64,
     /// F(l_max), N.
     least: f64,

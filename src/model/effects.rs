@@ -25,7 +25,7 @@ impl Variant {
 /// The effects that are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effects {
-    /// Friction and rotation.
+    /// Which of the three variants.
     pub variant: Variant,
     /// Whether contacts dissipate energy on rebound (e < 1).
     pub dissipative: bool,

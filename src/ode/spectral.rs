@@ -43,7 +43,7 @@ impl SpectralRadius {
         SAFETY * self.estimate
     }
 
-    /// Tells that a step has failed: the next estimate takes more iterations.
+    /// Call this after a failed step: the next estimate then takes more iterations.
     pub fn doubt(&mut self) {
         self.doubted = true;
     }

@@ -1,5 +1,4 @@
-//! Checks a scene: first each key against the list of keys (name, type, range), then how keys relate to each
-//! other.
+//! Checks a scene: name, type and range of each key by the list of keys, then how keys relate to each other.
 
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
@@ -30,10 +29,9 @@ struct Mistake {
     message: String,
 }
 
-/// Checks name, type and range of every key, and that no required key is missing. Stores the position of each
-/// key.
+/// Checks name, type and range of every key, and that no required key is missing.
 ///
-/// Reports the first mistake in the order of the text.
+/// Stores the position of each key in `source`. Reports the first mistake in the order of the text.
 pub(super) fn keys_and_values(source: &mut Source, table: &DeTable) -> Result<(), Error> {
     let mut mistakes = Vec::new();
     check_table(source, table, "", "", None, &mut mistakes);
@@ -44,8 +42,9 @@ pub(super) fn keys_and_values(source: &mut Source, table: &DeTable) -> Result<()
     }
 }
 
-/// Checks one table. `schema` is its path in the list of keys, `shown` the same with the numbers of list
-/// entries.
+/// Checks one table.
+///
+/// `schema` is its path in the list of keys, `shown` the same path with the numbers of list entries.
 fn check_table(
     source: &mut Source,
     table: &DeTable,
@@ -102,7 +101,7 @@ fn check_value(
                 }
                 let need = key.need();
                 let message = match what {
-                    Misfit::Interrupts(range) => {
+                    Misfit::Outside(range) => {
                         format!("{path} = {written} is outside {range}: {}", key.help())
                     }
                     Misfit::NotThat => format!("{path} = {written} must be {need}: {}", key.help()),
@@ -113,10 +112,10 @@ fn check_value(
     }
 }
 
-/// How a value does not fit its key.
+/// Why a value does not fit its key.
 enum Misfit {
     /// The type is right, but the value is outside a range with two ends.
-    Interrupts(&'static str),
+    Outside(&'static str),
     /// Anything else. The message quotes what the key needs.
     NotThat,
 }
@@ -125,7 +124,7 @@ fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
     let fitting = match (kind, value) {
         (Kind::Number(range), value) => match number(value) {
             Some(number) if range == Range::Share && !number.is_nan() && !range.holds(number) => {
-                return Err(Misfit::Interrupts("0..1"));
+                return Err(Misfit::Outside("0..1"));
             }
             number => number.is_some_and(|number| range.holds(number)),
         },
@@ -135,13 +134,13 @@ fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
         }
         (Kind::Count, DeValue::Integer(integer)) => {
             if !integer_of(integer).is_some_and(|count| (1..=i128::from(LARGEST_COUNT)).contains(&count)) {
-                return Err(Misfit::Interrupts("1..1000000000"));
+                return Err(Misfit::Outside("1..1000000000"));
             }
             true
         }
         (Kind::Seed, DeValue::Integer(integer)) => {
             if integer_of(integer).is_none_or(|seed| u64::try_from(seed).is_err()) {
-                return Err(Misfit::Interrupts("0..18446744073709551615"));
+                return Err(Misfit::Outside("0..18446744073709551615"));
             }
             true
         }
@@ -244,7 +243,7 @@ fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {
             source.key("particles"),
             &format!(
                 "particles.file or particles.grid is missing: one of them must say where the spheres \
-                      start, {example}"
+                 start, {example}"
             ),
         )),
         _ => Ok(()),
@@ -364,7 +363,7 @@ fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
     Err(source.error(place, &message))
 }
 
-/// Checks that `[stop]` and `[checkpoint]`, if they are given, contain a criterion.
+/// Checks that `[stop]`, if given, has a criterion, and `[checkpoint]`, if given, one of its two times.
 fn checkpoints(source: &Source, scene: &Scene) -> Result<(), Error> {
     if let Some(Stop { kinetic_energy: None, unbalanced_force: None, height_change: None, .. }) = scene.stop {
         return Err(source.error(

@@ -226,7 +226,7 @@ mod tests {
     use super::*;
     use crate::scene::Scene;
 
-    /// All examples as one scene. Of two alternatives only one is used: `grid` and not `file`, no fixed step.
+    /// All examples as one scene, except two keys that exclude others: `particles.file` and `solver.step`.
     fn scene_of_examples() -> String {
         let mut text = String::new();
         for table in [

@@ -1,8 +1,7 @@
 //! The scene: one TOML text and the `--set` options become a checked description of a run.
 //!
 //! `source` holds the text, merges `--set` into it, and points messages at their line. `keys` lists every key
-//! with its unit and range. `check` checks a merged table against that list, and how keys relate to each
-//! other.
+//! with its unit and range. `check` checks a merged table against that list, and keys against each other.
 //!
 //! [`initial_condition`] checks what depends on the positions of particles.
 
@@ -67,8 +66,9 @@ pub struct Particles {
     /// Mass of one particle, kg; > 0.
     #[serde(default = "unit_mass")]
     pub mass: f64,
-    /// CSV file with the initial condition, as the user wrote it: absolute, or relative to the folder of the
-    /// scene.
+    /// CSV file with the initial condition, as the user wrote it.
+    ///
+    /// It is absolute or relative to the folder of the scene.
     pub file: Option<PathBuf>,
     /// Randomly perturbed grid as the initial condition.
     pub grid: Option<Grid>,
@@ -113,8 +113,9 @@ pub struct Container {
     pub wall: Vec<WallPlane>,
 }
 
-/// A box given by two opposite corners. An infinite coordinate leaves that side open. `min < max` on each
-/// axis.
+/// A box given by two opposite corners, with `min < max` on each axis.
+///
+/// An infinite coordinate leaves that side open.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BoxSides {
@@ -298,8 +299,9 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Fills in `seed` if the scene gives none. It must be the same on all ranks: rank 0 draws it and
-    /// broadcasts it.
+    /// Fills in `seed` if the scene gives none.
+    ///
+    /// It must be the same on all ranks: rank 0 draws it and broadcasts it.
     pub fn set_seed_if_missing(&mut self, seed: u64) {
         if let Some(grid) = &mut self.particles.grid {
             grid.seed.get_or_insert(seed);

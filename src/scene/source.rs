@@ -24,19 +24,18 @@ pub(super) struct Source<'a> {
     sets: &'a [String],
     /// The text of the scene, then each `--set` on a line of its own.
     all: String,
-    /// Where each `--set` starts in `all`.
+    /// Position in `all` at which each `--set` starts.
     starts: Vec<usize>,
     /// From a dotted path to the positions of its key and of its value.
     places: HashMap<String, (Span, Span)>,
 }
 
-/// One `--set`, ready to be merged.
+/// A `--set` option, split and ready to be merged.
 pub(super) struct SetDocument {
     words: Vec<Spanned<String>>,
     /// Position of VALUE in the source.
     value: Span,
-    /// `v=VALUE` after as many blanks as put VALUE at its position in the source; `None` if VALUE is not
-    /// TOML.
+    /// `v=VALUE`, after blanks that put VALUE at its position in the source; `None` if VALUE is not TOML.
     document: Option<String>,
     raw: String,
 }
@@ -119,8 +118,9 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// An error with `message` after the file and line of `span`, or after its `--set`. Quotes the line of a
-    /// file.
+    /// An error with `message` after the file and line of `span`, or after its `--set`.
+    ///
+    /// For a file, the line is quoted after the message.
     pub fn error(&self, span: Option<Span>, message: &str) -> Error {
         let Some(span) = span else { return Error::Input(format!("{}: {message}", self.name)) };
         let set = self.starts.iter().rposition(|&start| start <= span.start);
@@ -179,8 +179,7 @@ fn set_document(set: &str, start: usize) -> Result<SetDocument, Error> {
 /// The parser recurses once for each level. Its own bound counts stray closing brackets wrongly (toml_parser
 /// 1.1.5), so that the stack can overflow.
 ///
-/// Here a bracket closes a level only if it matches the last open one. The parser is never deeper than this
-/// count.
+/// Here a bracket closes a level only if it matches the last open one, so the parser is never deeper.
 fn too_deep(text: &str) -> Option<Span> {
     let (mut open, mut dots) = (Vec::new(), 0);
     for token in toml_parser::Source::new(text).lex() {
@@ -208,7 +207,8 @@ fn single_value(document: &str) -> Option<Spanned<DeValue<'_>>> {
     table.remove("v")
 }
 
-/// Puts `value` at the path `words`. Fails with the number of the first word that is not the name of a table.
+/// Puts `value` at the path `words`. Fails with the index of the first word that names something else than a
+/// table.
 fn put<'i>(
     table: &mut DeTable<'i>,
     words: &'i [Spanned<String>],
@@ -246,8 +246,7 @@ fn merge<'i>(table: &mut DeTable<'i>, key: Spanned<Cow<'i, str>>, value: Spanned
     }
 }
 
-/// The number of the line where `span` starts, from 1, and that line with the span underlined, to be appended
-/// to a message.
+/// The number (from 1) of the line where `span` starts, and that line with the span underlined.
 fn excerpt(text: &str, span: &Span) -> (usize, String) {
     let start = char_boundary(text, span.start);
     let line_start = text[..start].rfind('\n').map_or(0, |newline| newline + 1);

@@ -7,8 +7,8 @@ use crate::scene;
 
 /// The walls of a scene, each with a description for messages.
 ///
-/// The order is that in which their forces are summed: first the finite sides of the box (min x, max x, min
-/// y, max y, min z, max z), then `container.wall`.
+/// They are in the order in which their forces are summed. First come the finite sides of the box (min x,
+/// max x, min y, max y, min z, max z), then `container.wall`.
 pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
     let mut walls = Vec::new();
     if let Some(sides) = &container.r#box {

@@ -1,7 +1,7 @@
 //! Loops over slices on several threads, where there is enough work.
 //!
-//! Results never depend on the number of threads: every item is computed on its own, and folds are maxima or
-//! sums of integers.
+//! Results never depend on the number of threads: every item is computed on its own, and only maxima and
+//! integers are folded.
 //!
 //! The threads are rayon's. They fall asleep between short loops and are slow to start again. Where such
 //! loops follow each other closely, `with_spinning_threads` keeps the threads awake, so that work reaches

@@ -1,4 +1,4 @@
-//! The files of an export: their names, what may be replaced, and what happens where one cannot be written.
+//! The files of an export: their names, whether they may be replaced, and the errors of writing.
 
 use std::fs;
 use std::io::{BufWriter, ErrorKind, Write};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::Error;
 
-/// The file of frame `k` among several: `k` with four digits before the extension.
+/// The file of frame `k` if there are several: `k` with four digits goes before the extension.
 pub fn numbered(path: &Path, k: u64) -> PathBuf {
     let mut name = path.file_stem().unwrap_or_default().to_os_string();
     name.push(format!("-{k:04}"));
@@ -17,14 +17,14 @@ pub fn numbered(path: &Path, k: u64) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// The header beside a raw image.
+/// The header file of a raw image.
 pub fn header_of(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_os_string();
     name.push(".json");
     name.into()
 }
 
-/// Refuses a target that is there without `force`, and in any case the run itself.
+/// Refuses a target that exists, unless `force`. Always refuses the run file itself.
 pub fn check(target: &Path, run: &Path, force: bool) -> Result<(), Error> {
     let refuse = |why: &str| Err(Error::Input(format!("--output {}: {why}", target.display())));
     if target.file_name().is_none() || target.is_dir() {
@@ -48,7 +48,7 @@ pub struct File {
 }
 
 impl File {
-    /// Makes it, or says why it cannot be made.
+    /// Creates the file, or says why that is not possible.
     pub fn create(path: &Path, force: bool) -> Result<Self, Error> {
         let mut options = fs::OpenOptions::new();
         let options = match force {
@@ -66,7 +66,7 @@ impl File {
         Ok(File { path: path.to_path_buf(), out: BufWriter::with_capacity(1 << 18, file) })
     }
 
-    /// Adds what `content` writes.
+    /// Appends what `content` writes.
     pub fn write(
         &mut self,
         content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
@@ -74,7 +74,7 @@ impl File {
         content(&mut self.out).map_err(|why| lost(&self.path, why))
     }
 
-    /// Puts the rest into the file.
+    /// Writes buffered data and closes the file.
     pub fn finish(mut self) -> Result<(), Error> {
         self.out.flush().map_err(|why| lost(&self.path, why))
     }

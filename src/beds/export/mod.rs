@@ -1,4 +1,4 @@
-//! Frames of a run in the formats of other programs.
+//! Exports frames of a run to the formats of other programs.
 
 mod files;
 mod raw;
@@ -21,22 +21,22 @@ use files::{File, header_of, numbered};
 /// A file format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// Positions, velocities and spins by columns, with all digits; particles.file of a scene reads it
+    /// Columns of positions, velocities and spins, with all digits; particles.file of a scene reads it
     Csv,
     /// Extended XYZ with radii and velocities, for OVITO; all frames in one file
     Xyz,
-    /// VTK XML points, for ParaView of any age
+    /// VTK XML points, for any version of ParaView
     Vtp,
     /// Surfaces of all spheres as binary STL
     Stl,
-    /// Voxels of pore and solid, a byte each, with a JSON header in FILE.json
+    /// Voxels of pore and solid, one byte each, with a JSON header in FILE.json
     Raw,
     /// A LAMMPS data file, atom_style sphere
     Lammps,
 }
 
 impl Format {
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Format::Csv => "csv",
@@ -59,7 +59,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// Its name.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Phase::Solid => "solid",
@@ -68,35 +68,35 @@ impl Phase {
     }
 }
 
-/// What is written, and where.
+/// The options of an export.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Format.
     pub to: Format,
-    /// File; with `numbered` the number of a frame goes before its extension.
+    /// File to write. With `numbered`, the number of the frame goes before its extension.
     pub output: PathBuf,
-    /// Whether every frame has a file of its own, unless the format holds all of them.
+    /// Whether to write one file for each frame, unless the format holds all frames.
     pub numbered: bool,
-    /// Voxels per radius.
+    /// Voxels per radius, for a voxel image.
     pub resolution: Option<f64>,
-    /// What is 1 in a voxel image.
+    /// The phase that is 1 in a voxel image.
     pub ones: Option<Phase>,
-    /// How often the triangles of a sphere are divided into 4.
+    /// How often each triangle of a sphere is divided into four.
     pub subdivisions: Option<u32>,
-    /// Whether existing files are replaced.
+    /// Whether to replace existing files.
     pub force: bool,
 }
 
-/// Voxels per radius where the command line says nothing.
+/// Default number of voxels per radius.
 const RESOLUTION: f64 = 10.0;
-/// Divisions of the triangles of a sphere where the command line says nothing.
+/// Default number of divisions of the triangles of a sphere.
 const SUBDIVISIONS: u32 = 2;
-/// Most divisions: 20 * 4^7 triangles a sphere.
+/// Largest number of divisions. It gives 20 * 4^7 triangles for each sphere.
 pub const MOST_SUBDIVISIONS: u32 = 7;
 
-/// A frame, and what does not change from frame to frame.
+/// A frame, with the scene of its run.
 pub struct FrameData<'a> {
-    /// The scene as resolved.
+    /// The resolved scene.
     pub scene: &'a Scene,
     /// All particles, by id.
     pub state: &'a State,
@@ -113,7 +113,8 @@ impl FrameData<'_> {
         self.state.x.iter().map(|&x| x.into()).collect()
     }
 
-    /// A box that holds all centres, as its lower and upper corner, m: the container's where it does.
+    /// A box that contains all centres, as its lower and upper corner, m. It is the container's box if that
+    /// suffices.
     fn cell(&self) -> (Vec3, Vec3) {
         let x = self.centres();
         let r = self.radius();
@@ -126,7 +127,7 @@ impl FrameData<'_> {
     }
 }
 
-/// Writes the `frames` of `run`; the files that were written.
+/// Writes the `frames` of `run`; returns the files that were written.
 pub fn write(run: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<PathBuf>, Error> {
     let one_file = !options.numbered || options.to == Format::Xyz;
     let targets: Vec<PathBuf> = match one_file {
@@ -140,7 +141,7 @@ pub fn write(run: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<Pat
         }
     }
     if options.to == Format::Raw {
-        // Before any file: all frames must fit.
+        // Check that the images of all frames fit, before any file is written.
         for &k in frames {
             let state = run.state(k)?;
             image(options, &FrameData { scene: &run.scene, state: &state })?;
@@ -192,12 +193,13 @@ fn finish(file: Option<File>) -> Result<(), Error> {
     file.map_or(Ok(()), File::finish)
 }
 
-/// The voxel image that is asked for.
+/// The voxel image with the given options.
 fn image(options: &Options, frame: &FrameData) -> Result<raw::Image, Error> {
     raw::Image::of(frame, options.resolution.unwrap_or(RESOLUTION), options.ones.unwrap_or(Phase::Solid))
 }
 
-/// A vector with the fewest digits that read back as the same doubles, its components after `separator` each.
+/// Writes a vector with the fewest digits that read back as the same doubles. `separator` goes before each
+/// component.
 fn vector(out: &mut dyn Write, vector: &[f64; 3], separator: &str) -> io::Result<()> {
     vector.iter().try_for_each(|number| write!(out, "{separator}{number:?}"))
 }

@@ -1,4 +1,4 @@
-//! A voxel image of pore and solid, as solvers on the pore scale read it.
+//! A voxel image of pore and solid, in a form that pore-scale solvers read.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -9,13 +9,13 @@ use crate::error::Error;
 use crate::math::vector::Vec3;
 use crate::model::wall::Wall;
 
-/// Most voxels of an image.
+/// Largest number of voxels in an image.
 const MOST_VOXELS: f64 = 1e10;
 
-/// Where the voxels are, and which are 1.
+/// The grid of the voxels, and the phase that is 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
-    /// Voxels along x, y and z.
+    /// Numbers of voxels along x, y and z.
     shape: [usize; 3],
     /// Side of a voxel, m.
     spacing: f64,
@@ -25,18 +25,19 @@ pub struct Image {
 }
 
 impl Image {
-    /// The image of the container's box, as many whole voxels as come closest to it, with `resolution` voxels per
-    /// radius.
+    /// The image of the container's box, with `resolution` voxels per radius.
+    ///
+    /// The number of voxels along each axis is rounded to a whole number.
     pub fn of(frame: &FrameData, resolution: f64, ones: Phase) -> Result<Self, Error> {
         let (low, high) = region::container_box(frame.scene, &frame.centres());
         let spacing = frame.radius() / resolution;
         let along = [0, 1, 2].map(|k| ((high[k] - low[k]) / spacing).round().max(1.0));
         let voxels: f64 = along.iter().product();
-        // NaN is no image either.
+        // The condition also refuses NaN.
         if !(voxels <= MOST_VOXELS && spacing > 0.0) {
             return Err(Error::Input(format!(
-                "--resolution {resolution}: an image of {:e} x {:e} x {:e} voxels, more than the {MOST_VOXELS:e} that it may \
-                 have: choose fewer voxels per radius",
+                "--resolution {resolution}: an image of {:e} x {:e} x {:e} voxels, more than the \
+                 {MOST_VOXELS:e} that it may have: choose fewer voxels per radius",
                 along[0], along[1], along[2]
             )));
         }
@@ -47,14 +48,15 @@ impl Image {
         self.origin[axis] + (k as f64 + 0.5) * self.spacing
     }
 
-    /// Voxels along `axis` whose centres are within `reach` (m) of `x` (m), and perhaps one more at either end.
+    /// The voxels along `axis` whose centres are within `reach` (m) of `x` (m), and perhaps one more at each
+    /// end.
     fn around(&self, axis: usize, x: f64, reach: f64) -> std::ops::Range<usize> {
-        // Casts saturate: 0 below the first voxel.
+        // Casts saturate, so a position below the first voxel gives 0.
         let voxel = |x: f64| ((x - self.origin[axis]) / self.spacing).floor() as usize;
         voxel(x - reach).min(self.shape[axis])..voxel(x + reach).saturating_add(1).min(self.shape[axis])
     }
 
-    /// Writes the voxels, x fastest, layer by layer; returns how many are 1.
+    /// Writes the voxels layer by layer, with x fastest; returns the number of voxels that are 1.
     pub fn write(&self, frame: &FrameData, out: &mut dyn Write) -> io::Result<u64> {
         let [nx, ny, nz] = self.shape;
         let r = frame.radius();
@@ -109,7 +111,7 @@ impl Image {
         Ok(ones)
     }
 
-    /// The header, JSON.
+    /// The header as JSON.
     pub fn header(&self, frame: &FrameData, image: &Path, ones: u64) -> String {
         let voxels = self.shape.iter().product::<usize>() as f64;
         let header = serde_json::json!({
@@ -118,8 +120,8 @@ impl Image {
             "spacing": ([self.spacing; 3]),
             "origin": [self.origin.x, self.origin.y, self.origin.z],
             "unit": "m",
-            "order": "x fastest, then y, then z: voxel (i, j, k) is byte i + shape[0]*(j + shape[1]*k), centred at \
-                      origin + (i + 1/2, j + 1/2, k + 1/2)*spacing",
+            "order": "x fastest, then y, then z: voxel (i, j, k) is byte i + shape[0]*(j + shape[1]*k), \
+                      centred at origin + (i + 1/2, j + 1/2, k + 1/2)*spacing",
             "type": "uint8",
             "one": self.ones.name(),
             "zero": if self.ones == Phase::Solid { Phase::Pore } else { Phase::Solid }.name(),

@@ -1,4 +1,5 @@
-//! Surfaces as binary STL: every sphere is an icosahedron whose triangles are divided and pushed out to the sphere.
+//! Surfaces as binary STL. Each sphere is an icosahedron whose triangles are divided and projected onto the
+//! sphere.
 
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -7,14 +8,15 @@ use super::FrameData;
 use crate::error::Error;
 use crate::math::vector::Vec3;
 
-/// Triangles of the unit sphere: corners, and three of them each, counter-clockwise from outside.
+/// Triangles of the unit sphere: the corners, and three indices for each triangle, counter-clockwise from
+/// outside.
 struct Mesh {
     corners: Vec<Vec3>,
     triangles: Vec<[usize; 3]>,
 }
 
 impl Mesh {
-    /// The regular icosahedron with its triangles divided into four as often as asked for.
+    /// The regular icosahedron, with its triangles divided into four `subdivisions` times.
     fn icosphere(subdivisions: u32) -> Self {
         let golden = (1.0 + 5f64.sqrt()) / 2.0;
         let mut corners = Vec::new();
@@ -73,8 +75,8 @@ pub fn check(frame: &FrameData, subdivisions: u32) -> Result<(), Error> {
     let count = triangles(frame, subdivisions);
     if count > u64::from(u32::MAX) {
         return Err(Error::Input(format!(
-            "--subdivisions {subdivisions}: {count} triangles for {} spheres, and STL counts to {}: choose a smaller \
-             number",
+            "--subdivisions {subdivisions}: {count} triangles for {} spheres, and STL counts to {}: \
+             choose a smaller number",
             frame.state.x.len(),
             u32::MAX
         )));
@@ -82,7 +84,7 @@ pub fn check(frame: &FrameData, subdivisions: u32) -> Result<(), Error> {
     Ok(())
 }
 
-/// Writes the surfaces, in m; overlapping spheres are not joined.
+/// Writes the surfaces, in m. Overlapping spheres are not joined.
 pub fn write(frame: &FrameData, subdivisions: u32, out: &mut dyn Write) -> io::Result<()> {
     let mesh = Mesh::icosphere(subdivisions);
     let mut head = [b' '; 80];
@@ -116,7 +118,7 @@ mod tests {
         for (subdivisions, missing) in [(0, 0.4), (2, 0.05), (4, 0.003)] {
             let mesh = Mesh::icosphere(subdivisions);
             assert_eq!(mesh.triangles.len(), 20 * 4usize.pow(subdivisions));
-            // Euler: V - E + F = 2 with E = 3/2 F.
+            // Euler's formula: V - E + F = 2 with E = 3/2 F.
             assert_eq!(mesh.corners.len(), 2 + mesh.triangles.len() / 2);
             let mut edges = std::collections::HashSet::new();
             let mut volume = 0.0;

@@ -1,11 +1,11 @@
-//! Tables of particles: CSV, extended XYZ for OVITO, and the data file of LAMMPS.
+//! Particles as text: CSV, extended XYZ for OVITO, and the data file of LAMMPS.
 
 use std::f64::consts::PI;
 use std::io::{self, Write};
 
 use super::{FrameData, vector};
 
-/// Columns in the form that `particles.file` of a scene reads, rows by id.
+/// Writes columns as `particles.file` of a scene reads them, with rows by id.
 pub fn csv(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     let state = frame.state;
     let spins = if state.omega.is_some() { ",avx,avy,avz" } else { "" };
@@ -21,7 +21,7 @@ pub fn csv(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-/// One frame of extended XYZ, with the names that OVITO gives a meaning to; several may follow each other.
+/// Writes one frame of extended XYZ, with the names that OVITO knows. Several frames may follow each other.
 pub fn xyz(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     let state = frame.state;
     let (low, high) = frame.cell();
@@ -47,7 +47,7 @@ pub fn xyz(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
-/// The data file of LAMMPS for `atom_style sphere` and `units si`; its ids begin with 1.
+/// Writes the data file of LAMMPS for `atom_style sphere` and `units si`. Ids start at 1.
 pub fn lammps(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     let (state, r) = (frame.state, frame.radius());
     let (low, high) = frame.cell();

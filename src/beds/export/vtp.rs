@@ -1,17 +1,19 @@
-//! VTK XML PolyData: the points with their arrays, in text, which needs no other library and keeps all digits.
+//! VTK XML PolyData: points with their arrays, as text. It needs no library and keeps all digits.
 
 use std::io::{self, Write};
 
 use super::{FrameData, vector};
 
-/// Writes the frame; its time is the field `TimeValue`, which ParaView takes as such.
+/// Writes the frame. The field `TimeValue` tells ParaView its time.
 pub fn write(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     let state = frame.state;
     let n = state.x.len();
     writeln!(
         out,
-        "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\">\n<PolyData>\n\
-         <FieldData>\n<DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{:?}\
+        "<?xml version=\"1.0\"?>\n\
+         <VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\">\n<PolyData>\n\
+         <FieldData>\n\
+         <DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{:?}\
          </DataArray>\n</FieldData>\n<Piece NumberOfPoints=\"{n}\" NumberOfVerts=\"{n}\" NumberOfLines=\"0\" \
          NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n<PointData Scalars=\"radius\" Vectors=\"velocity\">",
         state.time

@@ -73,8 +73,10 @@ impl Row {
         let pairs: Vec<&Contact> =
             contacts.iter().filter(|contact| matches!(contact.partner, Partner::Sphere(_))).collect();
         let firm = |contact: &&&Contact| {
-            matches!(contact.partner,
-            Partner::Sphere(j) if !loose[contact.i] && !loose[j])
+            matches!(
+                contact.partner,
+                Partner::Sphere(j) if !loose[contact.i] && !loose[j]
+            )
         };
         let held = loose.iter().filter(|&&loose| !loose).count();
         let share = |sum: f64, count: usize| if count == 0 { 0.0 } else { sum / count as f64 };

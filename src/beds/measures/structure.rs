@@ -18,8 +18,8 @@ const MOST_SECTIONS: f64 = 500.0;
 ///
 /// A value of 1 means that pairs at this distance are as frequent as for independent centres.
 ///
-/// The weight of a pair is the inverse of the volume of the box that has room for it. This translation correction
-/// of Ohser and Stoyan removes the effect of the bounds of the box.
+/// The weight of a pair is the inverse of the volume of the box that has room for it. This translation
+/// correction of Ohser and Stoyan removes the effect of the bounds of the box.
 ///
 /// Empty if there are fewer than two centres, or if half of the shortest side is narrower than a bin.
 pub fn radial_distribution(x: &[Vec3], r: f64, (low, high): (Vec3, Vec3)) -> Vec<[f64; 2]> {

@@ -13,8 +13,8 @@ pub struct Edge {
     pub fades: [f64; 2],
 }
 
-/// The edges between `walls`, for a picture of spheres between `low` and `high` (m). The sides of the box come
-/// first in `walls`.
+/// The edges between `walls`, for a picture of spheres between `low` and `high` (m). The sides of the box
+/// come first in `walls`.
 ///
 /// A side of the box is near if its distance from the spheres is at most half of their largest extent. Other
 /// sides are left out. Edges fade out towards them, as they do where there is no side.

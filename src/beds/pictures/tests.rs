@@ -93,8 +93,8 @@ fn light_falls_from_above_and_the_rim_is_smooth() {
     let picture = shown(Projection::Orthographic, &[(Vec3::zeros(), [128; 3])], &[], size, 1);
     let [above, below] = [40, 160].map(|row| at(&picture, 100, row)[0]);
     assert!(above > below + 40, "{above} {below}");
-    // Without anti-aliasing no pixel of the rim has a colour between the sphere and white. The sphere itself is
-    // darker there.
+    // Without anti-aliasing no pixel of the rim has a colour between the sphere and white. The sphere itself
+    // is darker there.
     let soft = picture.pixels.iter().filter(|pixel| (200..255).contains(&pixel[0])).count();
     assert!(soft > 100, "{soft}");
 }

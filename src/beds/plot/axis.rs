@@ -1,21 +1,21 @@
-//! Axes: from a value to its place between the ends, and ticks at round numbers.
+//! Axes: the position of a value between the ends of an axis, and ticks at round numbers.
 
 use crate::beds::text::shortened;
 use crate::math::digits::scientific;
 
-/// Labels that a linear axis has at most, about.
+/// Approximate largest number of labels on a linear axis.
 const LABELS: f64 = 8.0;
-/// Decades that have a label each; a longer axis skips some.
+/// Largest number of decades that all have a label. A longer axis skips some labels.
 const DECADES: f64 = 6.0;
-/// Share of the axis that stays free beyond the outermost values.
+/// Share of the range of values that stays free outside each end.
 const MARGIN: f64 = 0.05;
-/// Share of the axis that a band beyond its end takes.
+/// Share of the axis that a band at one of its ends takes.
 const BAND: f64 = 0.11;
-/// Characters of the name of a category.
+/// Longest name of a category, in characters.
 const NAME_LENGTH: usize = 26;
-/// Largest value drawn, so that no difference of two overflows.
+/// Largest value that is drawn. Differences of two such values do not overflow.
 const LARGEST: f64 = 1e300;
-/// Shortest linear axis, so that no step of the ticks is lost below the range of a double.
+/// Shortest linear axis. Steps between its ticks do not underflow.
 const SMALLEST: f64 = 1e-300;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,39 +24,40 @@ enum Scale {
     Logarithmic,
 }
 
-/// A line across the frame, with or without a label.
+/// A grid line, with or without a label.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tick {
-    /// Place from 0 (start of the axis) to 1 (end).
+    /// Position on the axis, from 0 (start) to 1 (end).
     pub share: f64,
-    /// Its label; none for a minor line.
+    /// Label; `None` for a minor line.
     pub text: Option<String>,
 }
 
 /// One axis of a frame.
 #[derive(Debug, Clone)]
 pub struct Axis {
-    /// What it shows, with the unit.
+    /// Label of the axis, with the unit.
     pub label: String,
     scale: Scale,
     /// Ends of the scale: values, or their decimal logarithms.
     low: f64,
     high: f64,
-    /// Shares of the axis taken by bands before and after the scale.
+    /// Shares of the axis that the bands before and after the scale take.
     before: f64,
     after: f64,
-    /// Where ticks are, on the scale, and their labels.
+    /// Ticks: positions on the scale, with labels.
     ticks: Vec<(f64, Option<String>)>,
     /// Whether the ticks are names of categories.
     pub named: bool,
 }
 
 impl Axis {
-    /// An axis from the smallest to the largest of the finite values, or around them if they are all equal.
+    /// An axis from the smallest to the largest finite value. If all values are equal, it extends around
+    /// them.
     pub fn linear(label: &str, values: impl IntoIterator<Item = f64>) -> Axis {
         let (low, high) = ends(values).unwrap_or((0.0, 1.0));
         let size = low.abs().max(high.abs());
-        // Differences near rounding would give ticks with sixteen digits.
+        // If differences are near rounding errors, ticks would need sixteen digits.
         let least = if size > 0.0 { (1e-6 * size).max(SMALLEST) } else { 1.0 };
         let (low, high) = widened(low, high, least);
         let step = round_step((high - low) / LABELS);
@@ -69,7 +70,7 @@ impl Axis {
         Axis::new(label, Scale::Linear, (low, high), ticks)
     }
 
-    /// An axis over the positive finite values, at least one decade long.
+    /// An axis over the positive finite values. It is at least one decade long.
     pub fn logarithmic(label: &str, values: impl IntoIterator<Item = f64>) -> Axis {
         let positive = values.into_iter().filter(|&value| value > 0.0);
         let (low, high) = ends(positive.map(f64::log10)).unwrap_or((-1.0, 0.0));
@@ -83,7 +84,7 @@ impl Axis {
                 continue;
             }
             for digit in 2..10 {
-                // In a short range 2 and 5 have labels too, or there might be only one.
+                // In a short range, label 2 and 5 too. Otherwise there might be a single label.
                 let labelled = high - low < 2.0 && (digit == 2 || digit == 5);
                 let at = f64::from(decade) + f64::from(digit).log10();
                 ticks.push((at, labelled.then(|| format!("{digit}e{decade}"))));
@@ -93,7 +94,7 @@ impl Axis {
         Axis::new(label, Scale::Logarithmic, (low, high), ticks)
     }
 
-    /// An axis of categories, evenly spaced: the first is at 0, the next at 1.
+    /// An axis of categories at equal distances. The first one is at 0, the next at 1.
     pub fn named(label: &str, names: &[String]) -> Axis {
         let ticks = names
             .iter()
@@ -109,19 +110,20 @@ impl Axis {
         Axis { label, scale, low, high, before: 0.0, after: 0.0, ticks, named: false }
     }
 
-    /// The axis with a band for values that the scale has no place for before or after it, or both.
+    /// The axis with a band before or after the scale, for values that the scale cannot show.
     pub fn with_bands(self, before: bool, after: bool) -> Axis {
         let share = |wanted| if wanted { BAND } else { 0.0 };
         Axis { before: share(before), after: share(after), ..self }
     }
 
-    /// Where the bands meet the scale: from 0 to 1; 0 and 1 without bands.
+    /// The two ends of the scale, as shares of the axis. They are 0 and 1 if there are no bands.
     pub fn scale_ends(&self) -> (f64, f64) {
         (self.before, 1.0 - self.after)
     }
 
-    /// Place of the value from 0 (start of the axis) to 1 (end); none where the scale has no place for it. A value
-    /// beyond an end is at that end.
+    /// Position of the value on the axis, from 0 (start) to 1 (end).
+    ///
+    /// `None` if the scale cannot show the value. A value outside the range is at the nearest end.
     pub fn share(&self, value: f64) -> Option<f64> {
         let value = match self.scale {
             Scale::Linear => value,
@@ -142,19 +144,19 @@ impl Axis {
         self.ticks.iter().map(|(at, text)| Tick { share: self.scaled_share(*at), text: text.clone() })
     }
 
-    /// The tick label with the most characters.
+    /// The longest label of a tick.
     pub fn longest_label(&self) -> &str {
         let texts = self.ticks.iter().filter_map(|(_, text)| text.as_deref());
         texts.max_by_key(|text| text.chars().count()).unwrap_or_default()
     }
 
-    /// How many ticks have a label.
+    /// Number of ticks with a label.
     pub fn labelled(&self) -> usize {
         self.ticks.iter().filter(|(_, text)| text.is_some()).count()
     }
 }
 
-/// Smallest and largest finite value.
+/// The smallest and the largest finite value.
 fn ends(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
     let finite = values.into_iter().filter(|value| value.is_finite());
     finite.map(|value| value.clamp(-LARGEST, LARGEST)).fold(None, |ends, value| match ends {
@@ -163,21 +165,21 @@ fn ends(values: impl IntoIterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// The range with its margins, at least `least` long.
+/// The range with margins, at least `least` long.
 fn widened(low: f64, high: f64, least: f64) -> (f64, f64) {
     let missing = (least - (high - low)).max(0.0) / 2.0;
     let margin = MARGIN * (high - low).max(least);
     (low - missing - margin, high + missing + margin)
 }
 
-/// The next 1, 2 or 5 times a power of ten that is not below `step`.
+/// The smallest number of the form 1, 2 or 5 times a power of ten that is at least `step`.
 fn round_step(step: f64) -> f64 {
     let power = 10f64.powf(step.log10().floor());
     let digits = [1.0, 2.0, 5.0].into_iter().find(|digit| digit * power >= step);
     digits.unwrap_or(10.0) * power
 }
 
-/// A tick label with the digits that tell it from its neighbours.
+/// The label of a tick, with enough digits to differ from its neighbours.
 fn linear_label(at: f64, step: f64, largest: f64) -> String {
     if at.abs() < 1e-6 * step {
         return "0".to_owned();

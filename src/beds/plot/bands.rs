@@ -1,4 +1,4 @@
-//! Means over time with the ranges around them.
+//! Draws means over time, with the ranges around them.
 
 use super::axis::Axis;
 use super::canvas::{Area, Canvas, Drawn, Pixel};
@@ -10,27 +10,27 @@ use std::path::Path;
 
 const REMARK: &str = "Lines: means. Areas: from the smallest to the largest run.";
 
-/// One measure.
+/// A panel for one measure.
 #[derive(Debug, Clone)]
 pub struct Bands {
-    /// Its name, with the unit.
+    /// Name of the measure, with the unit.
     pub name: String,
-    /// What the x axis shows, with the unit.
+    /// Label of the x axis, with the unit.
     pub x_label: String,
-    /// One band a case.
+    /// One band for each case.
     pub bands: Vec<Band>,
 }
 
-/// One case.
+/// The band of one case.
 #[derive(Debug, Clone)]
 pub struct Band {
-    /// Its name.
+    /// Name of the case.
     pub name: String,
     /// x, smallest value, mean, largest value.
     pub points: Vec<[f64; 4]>,
 }
 
-/// Draws a panel for every measure; all have the same cases.
+/// Draws a panel for every measure. All panels must have the same cases.
 pub fn bands(path: &Path, title: &str, panels: &[Bands]) -> Result<(), Error> {
     let names: Vec<&str> = panels
         .first()

@@ -1,4 +1,4 @@
-//! The sheet that a figure is drawn on: words, lines and areas in pixels, written to an SVG file.
+//! The canvas of a figure: texts, lines and areas in pixels, written to an SVG file.
 
 use crate::beds::folder::cannot_write;
 use crate::beds::text::shortened;
@@ -8,13 +8,13 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::path::Path;
 
-/// What drawing gives; it fails only if the sheet cannot be written to.
+/// Result of drawing. It fails only if the canvas cannot be written.
 pub type Drawn<T = ()> = Result<T, DrawingAreaErrorKind<std::io::Error>>;
 
-/// A place on the sheet: pixels from the left and from the top.
+/// A point on the canvas: pixels from the left and from the top.
 pub type Pixel = (i32, i32);
 
-/// Colour of words.
+/// Colour of text.
 pub const INK: RGBColor = RGBColor(40, 40, 40);
 /// Font size of tick labels, px.
 pub const SMALL: i32 = 12;
@@ -22,10 +22,10 @@ pub const SMALL: i32 = 12;
 pub const PLAIN: i32 = 13;
 /// Font size of the title, px.
 const TITLE: i32 = 18;
-/// Characters of the title.
+/// Longest title, in characters.
 const TITLE_LENGTH: usize = 96;
 
-/// A rectangle on the sheet, px.
+/// A rectangle on the canvas, px.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Area {
     /// Left edge.
@@ -53,15 +53,16 @@ impl Area {
     }
 }
 
-/// Width of `text` in a common sans-serif font of `size` px, rather too large than too small.
+/// Approximate width of `text` in a common sans-serif font of `size` px. It is rather too large than too
+/// small.
 pub fn text_width(text: &str, size: i32) -> i32 {
     (text.chars().count() as f64 * f64::from(size) * 0.6).ceil() as i32
 }
 
-/// Where the anchor of a text lies: horizontally, vertically.
+/// Horizontal and vertical position of the reference point of a text.
 pub type Anchor = (HPos, VPos);
 
-/// The sheet.
+/// A canvas.
 pub struct Canvas<'a> {
     area: DrawingArea<SVGBackend<'a>, Shift>,
 }
@@ -72,7 +73,7 @@ impl Canvas<'_> {
         self.words(text, at, size, colour, anchor, FontTransform::None)
     }
 
-    /// Writes `text` upwards; the anchor is that of the text before it is turned.
+    /// Writes `text` upwards. `anchor` refers to the text before it is rotated.
     pub fn upward_text(&self, text: &str, at: Pixel, size: i32, colour: RGBColor, anchor: Anchor) -> Drawn {
         self.words(text, at, size, colour, anchor, FontTransform::Rotate270)
     }
@@ -86,14 +87,14 @@ impl Canvas<'_> {
         (horizontal, vertical): Anchor,
         transform: FontTransform,
     ) -> Drawn {
-        // The backend divides sizes by 1.24.
+        // The backend divides font sizes by 1.24.
         let font = ("sans-serif", f64::from(size) * 1.24).into_font().transform(transform);
         let style = TextStyle::from(font).color(&colour).pos(Pos::new(horizontal, vertical));
-        // Control characters have no place in XML.
+        // XML does not allow control characters.
         self.area.draw(&Text::new(shortened(text, usize::MAX), at, style))
     }
 
-    /// Joins the points by a line of `width` px.
+    /// Draws a line of `width` px through the points.
     pub fn line(&self, points: Vec<Pixel>, colour: RGBColor, width: u32) -> Drawn {
         self.area.draw(&PathElement::new(points, colour.stroke_width(width)))
     }
@@ -104,14 +105,14 @@ impl Canvas<'_> {
         self.area.draw(&Rectangle::new(corners, colour.filled()))
     }
 
-    /// Fills the polygon and draws its closed outline.
+    /// Fills the polygon and draws its outline.
     pub fn polygon(&self, corners: &[Pixel], inside: RGBColor, outline: RGBColor) -> Drawn {
         self.area.draw(&Polygon::new(corners.to_vec(), inside.filled()))?;
         let closed: Vec<Pixel> = corners.iter().chain(corners.first()).copied().collect();
         self.line(closed, outline, 1)
     }
 
-    /// Fills the polygon so that what lies below it can still be seen.
+    /// Fills the polygon with a transparent colour.
     pub fn veil(&self, corners: &[Pixel], colour: RGBColor) -> Drawn {
         self.area.draw(&Polygon::new(corners.to_vec(), colour.mix(0.2).filled()))
     }
@@ -123,8 +124,9 @@ impl Canvas<'_> {
     }
 }
 
-/// Draws a figure of `width` x `height` px with its title and writes it. `draw` gets the sheet and the area below
-/// the title.
+/// Draws a figure of `width` x `height` px with its title and writes it to a file.
+///
+/// `draw` gets the canvas and the area below the title.
 pub fn save(
     path: &Path,
     (width, height): (i32, i32),

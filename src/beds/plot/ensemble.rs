@@ -1,4 +1,4 @@
-//! Means with their intervals: small panels side by side, one a statistic or a swept key.
+//! Draws means with their confidence intervals: small panels, one for each statistic or swept key.
 
 use super::axis::Axis;
 use super::canvas::{Area, Canvas, Drawn, Pixel};
@@ -9,36 +9,36 @@ use crate::error::Error;
 use crate::math::interval::Interval;
 use std::path::Path;
 
-/// Distance of the bars of different methods at the same place, px.
+/// Distance between the bars of different methods at the same x, px.
 const APART: i32 = 8;
-/// Half the length of the line that ends a bar, px.
+/// Half the length of the cap at the end of a bar, px.
 const CAP: i32 = 3;
 const REMARK: &str =
     "Bars: 95 % confidence interval of the mean. Hollow: too few sound runs for an interval.";
 
-/// What the x axis of a panel shows.
+/// Kind of the x axis of a panel.
 #[derive(Debug, Clone)]
 pub enum Across {
     /// Positive numbers such as tolerances.
     Logarithmic,
     /// Numbers.
     Linear,
-    /// Categories, evenly spaced: a bar at 0 belongs to the first.
+    /// Categories at equal distances. A bar at 0 belongs to the first one.
     Named(Vec<String>),
 }
 
-/// One statistic.
+/// A panel for one statistic.
 #[derive(Debug, Clone)]
 pub struct Panel {
     /// Name of the statistic, with the unit.
     pub name: String,
-    /// What the x axis shows, with the unit.
+    /// Label of the x axis, with the unit.
     pub x_label: String,
     /// Kind of the x axis.
     pub across: Across,
     /// Whether the y axis is logarithmic.
     pub log_y: bool,
-    /// Means, one group a method.
+    /// Means, in one group for each method.
     pub groups: Vec<Group>,
 }
 
@@ -47,20 +47,20 @@ pub struct Panel {
 pub struct Group {
     /// Name of the method.
     pub name: String,
-    /// Its means; where the x axis shows numbers, a line joins them in order.
+    /// Means. If the x axis shows numbers, a line joins them in order.
     pub bars: Vec<Bar>,
 }
 
 /// One mean.
 #[derive(Debug, Clone)]
 pub struct Bar {
-    /// Place on the x axis: a number, or that of a category.
+    /// Position on the x axis: a number, or the index of a category.
     pub x: f64,
-    /// Mean and interval.
+    /// The mean with its interval.
     pub interval: Interval,
 }
 
-/// Draws the panels in two columns, or in one if there is only one; the same name has the same look in all of them.
+/// Draws the panels in two columns, or a single panel alone. A name has the same look in all panels.
 pub fn ensemble(path: &Path, title: &str, panels: &[Panel]) -> Result<(), Error> {
     let mut names: Vec<&str> = Vec::new();
     for group in panels.iter().flat_map(|panel| &panel.groups) {
@@ -83,12 +83,12 @@ pub fn ensemble(path: &Path, title: &str, panels: &[Panel]) -> Result<(), Error>
     })
 }
 
-/// Additional height of a panel where names of categories are too long to be written side by side, px.
+/// Additional height of a panel, px, if the names of categories are too long to fit side by side.
 pub fn names_room(categories: &[String]) -> i32 {
     upward_height(&Axis::named("", categories), WIDTH / 2 - 90)
 }
 
-/// Draws one panel; each group has its look.
+/// Draws one panel. `looks` has one look for each group.
 fn draw(canvas: &Canvas, outer: Area, panel: &Panel, looks: &[Look]) -> Drawn {
     let bars = || panel.groups.iter().flat_map(|group| &group.bars);
     let numbers = bars().map(|bar| bar.x);
@@ -114,7 +114,7 @@ fn draw(canvas: &Canvas, outer: Area, panel: &Panel, looks: &[Look]) -> Drawn {
         }
         for &((x, y), Interval { mean, half_width, .. }) in &places {
             if half_width.is_finite() {
-                // On a logarithmic axis an interval that reaches zero has no lower end.
+                // On a logarithmic axis, an interval that includes zero has no lower end.
                 let ends = [mean - half_width, mean + half_width]
                     .map(|value| frame.up(frame.y().share(value).unwrap_or(0.0)));
                 canvas.line(vec![(x, ends[0]), (x, ends[1])], look.colour, 2)?;
@@ -129,7 +129,8 @@ fn draw(canvas: &Canvas, outer: Area, panel: &Panel, looks: &[Look]) -> Drawn {
     Ok(())
 }
 
-/// How far a bar of group `number` at `x` is moved, px, so that it does not hide those of other groups at `x`.
+/// Horizontal shift of a bar of group `number` at `x`, px. It keeps bars of several groups at the same x
+/// apart.
 fn aside(panel: &Panel, number: usize, x: f64) -> i32 {
     let there = |group: &&Group| group.bars.iter().any(|bar| bar.x == x);
     let before = panel.groups[..number].iter().filter(there).count() as i32;

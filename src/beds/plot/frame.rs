@@ -1,4 +1,4 @@
-//! A frame with two axes: grid, tick labels, axis labels, heading.
+//! A frame with two axes: grid, tick labels, axis labels and heading.
 
 use super::axis::Axis;
 use super::canvas::{Area, Canvas, Drawn, INK, PLAIN, Pixel, SMALL, text_width};
@@ -6,28 +6,28 @@ use crate::beds::text::shortened;
 use plotters::style::RGBColor;
 use plotters::style::text_anchor::{HPos, VPos};
 
-/// Characters of a heading.
+/// Longest heading, in characters.
 const HEADING_LENGTH: usize = 52;
 const EDGE: RGBColor = RGBColor(110, 110, 110);
 const MAJOR: RGBColor = RGBColor(218, 218, 218);
 const MINOR: RGBColor = RGBColor(241, 241, 241);
 
-/// The frame: its inside on the sheet, and its axes.
+/// A frame, with its axes.
 pub struct Frame {
-    /// Inside, where values are drawn.
+    /// The area inside, where values are drawn.
     pub inside: Area,
     heading: String,
     x: Axis,
     y: Axis,
-    /// Height of the labels of the x axis if they are written upwards, px, otherwise 0.
+    /// Height of the labels of the x axis if they are written upwards, px; otherwise 0.
     upward_height: i32,
 }
 
 impl Frame {
-    /// The largest frame that fits into `outer` with its labels; an empty heading takes no room.
+    /// The largest frame that fits into `outer` with its labels. An empty heading takes no space.
     pub fn within(outer: Area, heading: &str, x: Axis, y: Axis) -> Frame {
         let left = outer.left + PLAIN + 14 + text_width(y.longest_label(), SMALL);
-        // The last label of the x axis may stand out.
+        // Leave space, because the last label of the x axis may extend past the frame.
         let right = outer.right - 16;
         let upward_height = upward_height(&x, right - left);
         let below = upward_height.max(SMALL);
@@ -45,18 +45,18 @@ impl Frame {
         }
     }
 
-    /// Where the pair of values is; none where an axis has no place for it.
+    /// Pixel of a pair of values; `None` if an axis cannot show one of them.
     pub fn at(&self, x: f64, y: f64) -> Option<Pixel> {
         Some((self.across(self.x.share(x)?), self.up(self.y.share(y)?)))
     }
 
-    /// Pixel at a share of the x axis.
+    /// Column at a share of the x axis.
     pub fn across(&self, share: f64) -> i32 {
         let Area { left, right, .. } = self.inside;
         left + (share * f64::from(right - left)).round() as i32
     }
 
-    /// Pixel at a share of the y axis.
+    /// Row at a share of the y axis.
     pub fn up(&self, share: f64) -> i32 {
         let Area { top, bottom, .. } = self.inside;
         bottom - (share * f64::from(bottom - top)).round() as i32
@@ -72,7 +72,7 @@ impl Frame {
         &self.y
     }
 
-    /// Draws all but the values.
+    /// Draws everything except the values.
     pub fn draw(&self, canvas: &Canvas) -> Drawn {
         let Area { left, top, right, bottom } = self.inside;
         for labelled in [false, true] {
@@ -109,8 +109,9 @@ impl Frame {
     }
 }
 
-/// Height that the labels of a `width` px long x axis take if they are names too long to be written side by side, and
-/// so are written upwards, px; otherwise 0.
+/// Height of the labels of an x axis that is `width` px long, px, if they are written upwards; otherwise 0.
+///
+/// Names are written upwards if they are too long to fit side by side.
 pub fn upward_height(x: &Axis, width: i32) -> i32 {
     let widest = text_width(x.longest_label(), SMALL);
     if x.named && x.labelled() as i32 * (widest + 8) > width { widest } else { 0 }

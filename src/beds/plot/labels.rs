@@ -1,4 +1,4 @@
-//! Small labels beside points, left out where they would hide something.
+//! Small labels beside points. A label is left out if it would cover something.
 
 use super::canvas::{Area, Canvas, Drawn, Pixel, text_width};
 use crate::beds::text::shortened;
@@ -7,14 +7,14 @@ use plotters::style::text_anchor::{HPos, VPos};
 
 /// Font size, px.
 const TINY: i32 = 11;
-/// Characters of a label.
+/// Longest label, in characters.
 const LENGTH: usize = 16;
-/// Distance from the point, px.
+/// Distance of a label from its point, px.
 const GAP: i32 = 9;
-/// Distance of the obstacles on a line, px.
+/// Distance between the obstacles that represent a line, px.
 const SPACING: i32 = 4;
 
-/// The room for labels in a frame.
+/// The space for labels in a frame.
 pub struct Labels {
     inside: Area,
     taken: Vec<Area>,
@@ -22,7 +22,7 @@ pub struct Labels {
 }
 
 impl Labels {
-    /// Room in `inside`, all of it free.
+    /// The space in `inside`, all of it free.
     pub fn within(inside: Area) -> Labels {
         Labels { inside, taken: Vec::new(), obstacles: Vec::new() }
     }
@@ -45,7 +45,7 @@ impl Labels {
         }
     }
 
-    /// Writes `text` beside the point, if there is room on any side of it.
+    /// Writes `text` beside the point, if there is space on any side of it.
     pub fn write(&mut self, canvas: &Canvas, (x, y): Pixel, text: &str, colour: RGBColor) -> Drawn {
         let text = shortened(text, LENGTH);
         let (width, half) = (text_width(&text, TINY), TINY / 2 + 1);

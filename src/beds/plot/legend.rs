@@ -1,4 +1,4 @@
-//! The legend: above the frames, where it hides nothing.
+//! The legend. It is above the frames, where it covers nothing.
 
 use super::canvas::{Area, Canvas, Drawn, INK, PLAIN, text_width};
 use super::look::{Look, Mark};
@@ -7,14 +7,14 @@ use plotters::style::text_anchor::{HPos, VPos};
 
 /// Height of a row, px.
 const ROW: i32 = 22;
-/// Length of the line of an entry, px.
+/// Length of the line sample of an entry, px.
 const SAMPLE: i32 = 30;
-/// Entries that are named; the others are counted.
+/// Largest number of entries that are named. The others are only counted.
 const MOST_ENTRIES: usize = 24;
-/// Characters of a name.
+/// Longest name, in characters.
 const NAME_LENGTH: usize = 40;
 
-/// Draws the names with their looks in rows at the top of `area`. Returns what is left of the area.
+/// Draws the names with their looks, in rows at the top of `area`. Returns the rest of the area.
 pub fn legend(canvas: &Canvas, area: Area, names: &[&str], looks: &[Look]) -> Drawn<Area> {
     let (mut x, mut y) = (area.left + 4, area.top + ROW / 2);
     let start = x;

@@ -1,10 +1,10 @@
-//! Colour and marker of every method: the same in all figures.
+//! Colours and markers. A method has the same ones in all figures.
 
 use super::canvas::{Canvas, Drawn, Pixel};
 use crate::ode::{MethodName, NormName};
 use plotters::style::{RGBColor, WHITE};
 
-/// Methods in the order of their looks, so that a method keeps its look whichever methods it is compared with.
+/// Methods in the order of their looks. A method has the same look in every comparison.
 const METHODS: [&str; 6] = [
     MethodName::Merson.name(),
     MethodName::DormandPrince.name(),
@@ -14,8 +14,9 @@ const METHODS: [&str; 6] = [
     NormName::Paper.name(),
 ];
 
-/// The colours of Okabe and Ito (2008), which colour-blind readers can tell apart, without their yellow, which is
-/// lost on white.
+/// The colours of Okabe and Ito (2008), which colour-blind readers can distinguish.
+///
+/// Their yellow is left out, because it is hard to see on white.
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -39,22 +40,22 @@ enum Shape {
     Pentagon,
 }
 
-/// One more or one fewer than colours, so that 42 looks differ.
+/// The number of shapes and the number of colours differ by one, so that 42 looks differ.
 const SHAPES: [Shape; 6] =
     [Shape::Circle, Shape::Square, Shape::Triangle, Shape::Diamond, Shape::TriangleDown, Shape::Pentagon];
 
-/// What a marker says about its point.
+/// How a point is marked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mark {
     /// An ordinary point.
     Full,
-    /// A point that lacks something.
+    /// A point with missing information.
     Hollow,
-    /// A point that failed.
+    /// A failed point.
     Crossed,
 }
 
-/// Colour and marker.
+/// The colour and the marker of a name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Look {
     /// Colour of lines, markers and labels.
@@ -63,7 +64,7 @@ pub struct Look {
 }
 
 impl Look {
-    /// The look with this number; numbers beyond the last start again.
+    /// The look with this number. Large numbers start again from the first look.
     pub fn number(number: usize) -> Look {
         Look { colour: COLOURS[number % COLOURS.len()], shape: SHAPES[number % SHAPES.len()] }
     }
@@ -94,7 +95,7 @@ impl Look {
     }
 }
 
-/// The looks of `names`, in their order: a known method has its own look, other names the next free ones.
+/// The looks of `names`, in their order. Known methods have fixed looks; other names get the next free ones.
 pub fn looks<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<Look> {
     let places: Vec<Option<usize>> =
         names.into_iter().map(|name| METHODS.iter().position(|&method| method == name)).collect();

@@ -1,7 +1,9 @@
-//! Figures of a comparison as SVG files that a browser shows.
+//! Figures as SVG files, which a browser can show.
 //!
-//! A figure is a title, a legend and one or more frames with axes. Every method keeps one colour and one marker in
-//! all figures; the colours differ for colour-blind readers, and the markers on grey paper.
+//! A figure has a title, a legend and one or more frames with axes.
+//!
+//! Every method has the same colour and the same marker in all figures. Colour-blind readers can distinguish
+//! the colours, and the markers can be distinguished without colour.
 
 mod axis;
 mod bands;

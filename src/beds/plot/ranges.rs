@@ -1,4 +1,4 @@
-//! Values of several cases side by side: every run, range, mean and interval.
+//! Draws the values of several cases side by side: every run, the range, the mean and its interval.
 
 use super::axis::Axis;
 use super::canvas::{Area, Canvas, Drawn};
@@ -10,29 +10,29 @@ use crate::error::Error;
 use crate::math::interval::Interval;
 use std::path::Path;
 
-/// Half the length of the line that ends a range, px.
+/// Length of the caps at the ends of a range, px.
 const CAP: i32 = 14;
-/// Half the width of the box of an interval, px.
+/// Half the width of the box that shows an interval, px.
 const BOX: i32 = 8;
-/// How far the dots of runs stand aside from the mean, px.
+/// Distance of the range to the left of the position of the case, px.
 const ASIDE: i32 = 24;
 /// Width over which the dots of runs are spread, px.
 const SPREAD: i32 = 30;
 /// Radius of a dot, px.
 const DOT: i32 = 2;
-const REMARK: &str = "Lines: from the smallest to the largest run. Markers: means, shaded: their 95 % intervals. Dots: runs, by \
-     seed from left to right.";
+const REMARK: &str = "Lines: from the smallest to the largest run. \
+     Markers: means, shaded: their 95 % intervals. Dots: runs, by seed from left to right.";
 
-/// One measure.
+/// A panel for one measure.
 #[derive(Debug, Clone)]
 pub struct Ranges {
-    /// Its name, with the unit.
+    /// Name of the measure, with the unit.
     pub name: String,
-    /// Cases: name, a value for every run, and the mean of the finite ones.
+    /// The cases: the name, the value of every run, and the mean of the finite values.
     pub cases: Vec<(String, Vec<f64>, Option<Interval>)>,
 }
 
-/// Draws a panel for every measure; all have the same cases.
+/// Draws a panel for every measure. All panels must have the same cases.
 pub fn ranges(path: &Path, title: &str, panels: &[Ranges]) -> Result<(), Error> {
     let names: Vec<String> = panels
         .first()
@@ -81,7 +81,7 @@ fn draw(canvas: &Canvas, outer: Area, panel: &Ranges, names: &[String], looks: &
     Ok(())
 }
 
-/// Smallest and largest finite value.
+/// The smallest and the largest finite value.
 fn ends(values: &[f64]) -> Option<(f64, f64)> {
     let finite = values.iter().copied().filter(|value| value.is_finite());
     finite.map(|value| (value, value)).reduce(|(low, high), (value, _)| (low.min(value), high.max(value)))

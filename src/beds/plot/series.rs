@@ -1,4 +1,4 @@
-//! Plain lines: quantities against time.
+//! Draws quantities over time as lines.
 
 use super::axis::Axis;
 use super::canvas::{Drawn, Pixel, save};
@@ -10,20 +10,21 @@ use std::path::Path;
 
 /// Size of the figure, px.
 const SIZE: (i32, i32) = (960, 540);
-/// Markers on a line, by which it is told from others on grey paper.
+/// Number of markers on a line. They distinguish the lines without colour.
 const MARKERS: i32 = 7;
 
 /// One line.
 #[derive(Debug, Clone)]
 pub struct Line {
-    /// Its name in the legend.
+    /// Name in the legend.
     pub name: String,
-    /// Pairs of values in the order in which they are joined; the line breaks where a value is not finite or, on a
-    /// logarithmic axis, not positive.
+    /// Pairs of values, in the order in which they are joined.
+    ///
+    /// The line has a gap where a value is not finite or, on a logarithmic axis, not positive.
     pub points: Vec<(f64, f64)>,
 }
 
-/// Draws the lines over one linear x axis.
+/// Draws the lines over a common linear x axis.
 pub fn series(
     path: &Path,
     title: &str,
@@ -56,16 +57,18 @@ pub fn series(
     })
 }
 
-/// The line in pixels, piece by piece between its breaks.
+/// The parts of the line between its gaps, in pixels.
 fn pieces(frame: &Frame, points: &[(f64, f64)]) -> Vec<Vec<Pixel>> {
     let places: Vec<Option<Pixel>> = points.iter().map(|&(x, y)| frame.at(x, y)).collect();
     places.split(Option::is_none).map(|piece| thinned(piece.iter().flatten().copied())).collect()
 }
 
-/// The same picture with at most four pixels in a column: the first, the highest, the lowest and the last.
+/// The line with at most four pixels in each column: the first, the highest, the lowest and the last.
+///
+/// The picture stays the same.
 fn thinned(pixels: impl Iterator<Item = Pixel>) -> Vec<Pixel> {
     let mut kept: Vec<Pixel> = Vec::new();
-    // Start of the current column among the kept ones.
+    // Index of the first pixel of the current column in `kept`.
     let mut column = 0;
     for pixel in pixels {
         if kept.get(column).is_none_or(|&(x, _)| x != pixel.0) {
@@ -82,7 +85,7 @@ fn thinned(pixels: impl Iterator<Item = Pixel>) -> Vec<Pixel> {
     kept
 }
 
-/// Points of the line that get a marker: about evenly spread, and elsewhere on every line.
+/// Points of line `number` that get a marker. They are about evenly spaced, and shifted from line to line.
 fn markers(frame: &Frame, points: &[(f64, f64)], number: i32, lines: i32) -> Vec<Pixel> {
     let spacing = (frame.inside.right - frame.inside.left) / MARKERS;
     let first = frame.inside.left + spacing * (2 * number + 1) / (2 * lines);

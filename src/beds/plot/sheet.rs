@@ -1,4 +1,4 @@
-//! Panels side by side on one sheet, under one legend and above one remark.
+//! A sheet of panels, with one legend above and one remark below.
 
 use super::canvas::{Area, Canvas, Drawn, INK, SMALL, save};
 use super::legend::legend;
@@ -11,34 +11,34 @@ use std::path::Path;
 pub const WIDTH: i32 = 960;
 /// Height of a panel, px.
 const PANEL_HEIGHT: i32 = 310;
-/// Height of the title, the legend and the remark, px.
+/// Height of the title, the legend and the remark together, px.
 const AROUND: i32 = 100;
-/// Height of a figure with one panel, px.
+/// Height of a figure with a single panel, px.
 const ALONE: i32 = 540;
 
-/// What surrounds the panels.
+/// The parts of a sheet around its panels.
 pub struct Sheet<'a> {
     /// The title.
     pub title: &'a str,
-    /// Entries of the legend; may be none.
+    /// Names in the legend. It may be empty.
     pub names: &'a [&'a str],
-    /// Their looks.
+    /// The looks of the names.
     pub looks: &'a [Look],
     /// The line below the panels.
     pub remark: &'a str,
-    /// How many panels there are.
+    /// Number of panels.
     pub panels: usize,
-    /// What a panel needs above the usual height, px.
+    /// Additional height of a panel, px.
     pub extra: i32,
 }
 
 impl Sheet<'_> {
-    /// Columns of panels: two, or one if there is only one panel.
+    /// Number of columns: two, or one if there is a single panel.
     fn columns(&self) -> usize {
         self.panels.clamp(1, 2)
     }
 
-    /// Writes the figure; `draw` draws the panel of a number into its area.
+    /// Writes the figure. `draw(canvas, k, area)` draws panel `k`.
     pub fn save(&self, path: &Path, draw: impl Fn(&Canvas, usize, Area) -> Drawn) -> Result<(), Error> {
         let columns = self.columns();
         let rows = self.panels.div_ceil(columns).max(1);

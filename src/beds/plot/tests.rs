@@ -1,4 +1,4 @@
-//! The figures as a reader of the file meets them.
+//! Tests of figures, from the SVG files that they write.
 
 use super::*;
 use crate::math::interval::{Interval, interval};
@@ -12,7 +12,7 @@ fn curve(name: &str, points: Vec<Point>) -> Curve {
     Curve { name: name.to_owned(), points }
 }
 
-/// Draws, checks that the file is well-formed and has no number that is none, and returns its words.
+/// Draws a figure and checks that it is well-formed XML without NaN and infinity. Returns its texts.
 fn words(draw: impl FnOnce(&Path)) -> Vec<String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("figure.svg");
@@ -125,7 +125,7 @@ fn a_million_points_do_not_make_a_large_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("figure.svg");
     series(&path, "", "t (s)", "E (J)", false, &[Line { name: "merson".to_owned(), points }]).unwrap();
-    // 960 columns of at most four pixels, each of some ten characters.
+    // 960 columns of at most four pixels, each of about ten characters.
     assert!(std::fs::metadata(&path).unwrap().len() < 100_000);
 }
 

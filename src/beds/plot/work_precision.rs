@@ -1,4 +1,4 @@
-//! Work against error: what each method asks for the accuracy it gives.
+//! Draws work over error: the work that each method needs for its accuracy.
 
 use super::axis::Axis;
 use super::canvas::{Area, Canvas, Drawn, INK, Pixel, SMALL, save};
@@ -22,26 +22,26 @@ const BAND_INK: RGBColor = RGBColor(120, 80, 60);
 pub struct Curve {
     /// Name of the method.
     pub name: String,
-    /// Runs, in the order in which a line joins them.
+    /// Runs. A line joins them in this order.
     pub points: Vec<Point>,
 }
 
 /// One run.
 #[derive(Debug, Clone)]
 pub struct Point {
-    /// Tolerance or step in a few characters.
+    /// Short label: tolerance or step.
     pub label: String,
-    /// Error, in the unit of the error label; a run that has none counts as failed.
+    /// Error, in the unit of the error label. A run without a valid error counts as failed.
     pub error: f64,
     /// Evaluations of the right-hand side.
     pub rhs: f64,
-    /// Wall time multiplied by the cores in use, s.
+    /// Processor time, s.
     pub core_seconds: f64,
     /// Whether the run ended early.
     pub failed: bool,
 }
 
-/// Where a run is in the direction of errors.
+/// Position of a run on the axis of errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Place {
     Zero,
@@ -61,7 +61,7 @@ impl Point {
     }
 }
 
-/// What is counted as work.
+/// A kind of work.
 struct Cost {
     label: &'static str,
     of: fn(&Point) -> f64,
@@ -72,9 +72,10 @@ const COSTS: [Cost; 2] = [
     Cost { label: "core time (s)", of: |point| point.core_seconds },
 ];
 
-/// Draws the right-hand sides (left) and the core seconds (right) over the error, both logarithmic. A run without
-/// any error is in a band at the left edge, a failed one, crossed out, in a band at the right edge, each at the
-/// work it has done.
+/// Draws the right-hand sides (left) and the core time (right) over the error, on logarithmic axes.
+///
+/// A run with the error 0 is in a band at the left edge. A failed run is crossed out, in a band at the right
+/// edge. Both are drawn at the work they have done.
 pub fn work_precision(path: &Path, title: &str, error_label: &str, curves: &[Curve]) -> Result<(), Error> {
     let names: Vec<&str> = curves.iter().map(|curve| curve.name.as_str()).collect();
     let looks = looks(names.iter().copied());
@@ -139,13 +140,13 @@ fn panel(
     Ok(())
 }
 
-/// The first run, the last one and all that failed; these say where a curve begins, ends and breaks off.
+/// The points with a label: the first run, the last one, and all that failed.
 fn labelled(points: &[Point]) -> Vec<usize> {
     let last = points.len().saturating_sub(1);
     (0..points.len()).filter(|&k| k == 0 || k == last || points[k].place() == Place::Failed).collect()
 }
 
-/// Where a run is drawn; in a band, `sideways` from 0 to 1 keeps methods apart.
+/// Pixel of a run. In a band, `sideways` from 0 to 1 keeps the methods apart.
 fn pixel(frame: &Frame, point: &Point, cost: &Cost, sideways: f64) -> Pixel {
     let (start, end) = frame.x().scale_ends();
     let across = match point.place() {
@@ -153,12 +154,12 @@ fn pixel(frame: &Frame, point: &Point, cost: &Cost, sideways: f64) -> Pixel {
         Place::At(error) => frame.x().share(error).unwrap_or(start),
         Place::Failed => end + sideways * (1.0 - end),
     };
-    // A run that failed before its first step has done nothing, for which a logarithm has no place.
+    // A run that failed before its first step has done no work, which a logarithmic axis cannot show.
     let up = frame.y().share((cost.of)(point)).unwrap_or(0.0);
     (frame.across(across), frame.up(up))
 }
 
-/// Fills the bands and names them.
+/// Fills the bands and labels them.
 fn bands(canvas: &Canvas, frame: &Frame) -> Drawn {
     let (start, end) = frame.x().scale_ends();
     let Area { left, right, bottom, .. } = frame.inside;
@@ -176,7 +177,7 @@ fn bands(canvas: &Canvas, frame: &Frame) -> Drawn {
     Ok(())
 }
 
-/// Where the word "failed" is written, at the top of its band.
+/// The area of the word "failed", at the top of its band.
 fn failed_word(frame: &Frame) -> Area {
     let Area { top, right, .. } = frame.inside;
     Area { left: frame.across(frame.x().scale_ends().1), top: top + 6, right, bottom: top + 6 + SMALL }

@@ -1,4 +1,4 @@
-//! The figures of an analysis.
+//! The figures of a report.
 
 use std::path::Path;
 
@@ -8,18 +8,18 @@ use crate::beds::measures::row::Row;
 use crate::beds::plot::{Line, series};
 use crate::error::Error;
 
-/// Bins of a distribution.
+/// Number of bins in a distribution.
 const BINS: usize = 30;
 
 /// A figure that was drawn.
 pub struct Figure {
-    /// Its file.
+    /// Name of its file.
     pub file: String,
     /// What it shows.
     pub caption: &'static str,
 }
 
-/// Draws all that there is something for.
+/// Draws all figures that have data.
 pub fn draw(folder: &Path, run: &str, measured: &Measured) -> Result<Vec<Figure>, Error> {
     let mut drawn = Vec::new();
     let time = measured.column("time").unwrap_or_default();
@@ -66,7 +66,7 @@ pub fn draw(folder: &Path, run: &str, measured: &Measured) -> Result<Vec<Figure>
     }
     let labels = ["distance to the wall (m)", "porosity of the section"];
     figure("walls.svg", "porosity over the distance to upright walls", labels, false, walls)?;
-    // A bed that is too small for the distance of two centres has none.
+    // A small bed has no pair of centres at these distances, so it has no such figure.
     let apart = measured.radial_distribution.iter().any(|&[_, g]| g > 0.0);
     let g = if apart { vec![points("g", &measured.radial_distribution)] } else { Vec::new() };
     figure("rdf.svg", "radial distribution function", ["distance of the centres (m)", "g"], false, g)?;
@@ -133,7 +133,9 @@ pub fn draw(folder: &Path, run: &str, measured: &Measured) -> Result<Vec<Figure>
     Ok(drawn)
 }
 
-/// Probability density of the values in equal bins from 0 to the largest, as stairs.
+/// Probability density of the values, as the points of a staircase.
+///
+/// The bins have equal width, from 0 to the largest value.
 fn distribution(name: &str, values: &[f64]) -> Vec<Line> {
     let largest = values.iter().copied().fold(0.0, f64::max);
     if values.len() < 2 || largest <= 0.0 || !largest.is_finite() {

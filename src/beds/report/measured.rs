@@ -1,4 +1,4 @@
-//! All that is measured.
+//! All measures that a report shows.
 
 use serde::Serialize;
 
@@ -10,56 +10,57 @@ use crate::beds::measures::union::{Region, Spheres};
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
 
-/// A column of the run over time.
+/// A quantity of the run over time.
 #[derive(Debug, Clone, Serialize)]
 pub struct Column {
-    /// Its name in `/run/series`.
+    /// Name in `/run/series`.
     pub name: &'static str,
-    /// A value a frame, SI units.
+    /// One value for each frame, SI units.
     pub values: Vec<f64>,
 }
 
-/// Everything.
+/// All measures of a run. Profiles and distributions are those of the frame of the last row.
 #[derive(Debug, Clone, Serialize)]
 pub struct Measured {
-    /// Where volumes are measured, in words.
+    /// Description of the region in which volumes are measured.
     pub region_words: String,
-    /// Largest error of its volume fractions.
+    /// Largest error of the volume fractions in it.
     pub volume_fraction_error: f64,
-    /// Its volume, m^3.
+    /// Volume of the region, m^3.
     pub region_volume: f64,
-    /// A row for every frame asked for.
+    /// One row for each frame that was asked for.
     pub rows: Vec<Row>,
-    /// Fewest contacts that hold a sphere: with fewer it is a rattler.
+    /// Smallest number of contacts that can hold a sphere. A sphere with fewer is a rattler.
     pub contacts_that_hold: usize,
-    /// How many spheres of the last row touch 0, 1, 2, ... others.
+    /// Numbers of spheres that touch 0, 1, 2, ... other spheres.
     pub coordination: Vec<usize>,
-    /// Height and porosity, in the last row's frame, as all that follows.
+    /// Heights (m), with the porosity of the section.
     pub height_profile: Vec<[f64; 2]>,
     /// Distances to upright walls, m.
     pub wall_distances: Vec<f64>,
-    /// Walls, and the porosity at those distances.
+    /// Names of walls, with the porosities at those distances.
     pub wall_profiles: Vec<(String, Vec<f64>)>,
-    /// Distance (m) and radial distribution function.
+    /// Distances (m), with the radial distribution function.
     pub radial_distribution: Vec<[f64; 2]>,
-    /// Contacts, which have a table of their own.
+    /// Contacts. They have their own table.
     #[serde(skip)]
     pub contacts: Vec<Contact>,
-    /// The run over time.
+    /// Quantities of the run over time.
     #[serde(skip)]
     pub series: Vec<Column>,
-    /// Heights of the centres over time, m, where they are few.
+    /// Heights of the centres over time, m, by sphere. Empty if there are many spheres.
     #[serde(skip)]
     pub trajectories: Vec<Vec<f64>>,
     /// Radius of all spheres, m.
     pub radius: f64,
 }
 
-/// Spheres whose heights are drawn over time.
+/// Largest number of spheres whose heights are drawn over time.
 const FEW: u64 = 7;
 
 impl Measured {
-    /// Measures `state`, the last of the frames asked for, whose other rows are given.
+    /// Measures `state`, the last of the frames that were asked for. `rows` has the rows of the frames before
+    /// it.
     pub fn of(
         record: &RunFile,
         state: &State,
@@ -95,23 +96,23 @@ impl Measured {
         })
     }
 
-    /// The last of the frames asked for.
+    /// The row of the last frame that was asked for.
     pub fn last(&self) -> &Row {
         &self.rows[self.rows.len() - 1]
     }
 
-    /// A column of the run by its name.
+    /// The values of a quantity over time, by its name.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
         self.series.iter().find(|column| column.name == name).map(|column| &column.values[..])
     }
 
-    /// Distance (m) of the highest value of the radial distribution function.
+    /// The highest point of the radial distribution function: its distance (m) and its value.
     pub fn first_peak(&self) -> Option<[f64; 2]> {
         let peak = self.radial_distribution.iter().copied().max_by(|a, b| a[1].total_cmp(&b[1]));
         peak.filter(|[_, g]| *g > 0.0)
     }
 
-    /// The findings of the last frame, name and value.
+    /// Names and values of the measures of the last frame, as text.
     pub fn findings(&self) -> Vec<(&'static str, String)> {
         let row = self.last();
         let mut found = vec![
@@ -164,7 +165,7 @@ impl Measured {
     }
 }
 
-/// A region in numbers.
+/// A description of the region with its numbers.
 fn described(region: &Region) -> String {
     let point = |x: f64, y: f64, z: f64| format!("({}, {}, {})", short(x), short(y), short(z));
     match region {
@@ -182,7 +183,7 @@ fn described(region: &Region) -> String {
     }
 }
 
-/// The columns of the run over time.
+/// The quantities of the run over time.
 fn series(record: &RunFile) -> Result<Vec<Column>, Error> {
     let reals = ["time", "kinetic_energy", "potential_energy", "bed_height", "largest_overlap", "step"];
     let counts = ["steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "pair_evaluations"];
@@ -202,7 +203,7 @@ fn series(record: &RunFile) -> Result<Vec<Column>, Error> {
     Ok(columns)
 }
 
-/// Heights of the centres in every frame, where there are few spheres.
+/// Heights of the centres in every frame, m, by sphere. Empty if there are many spheres.
 fn trajectories(record: &RunFile) -> Result<Vec<Vec<f64>>, Error> {
     if record.count > FEW {
         return Ok(Vec::new());

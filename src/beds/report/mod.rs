@@ -1,4 +1,4 @@
-//! The report on a bed: its measures, tables, figures, and a page that shows all of them.
+//! The report on a bed: its measures, tables and figures, and a page that shows all of them.
 
 mod figures;
 mod measured;
@@ -17,7 +17,7 @@ use crate::math::digits::significant;
 use crate::math::vector::Vec3;
 pub use measured::Measured;
 
-/// Writes tables, figures and the page about `run` into `folder`; how many files that are.
+/// Writes tables, figures and the page about `run` into `folder`; returns the number of files.
 pub fn write(
     folder: &Path,
     run: &str,
@@ -31,12 +31,12 @@ pub fn write(
     Ok(tables.len() + figures.len() + 1)
 }
 
-/// Six digits.
+/// The number with six digits.
 fn short(value: f64) -> String {
     significant(value, 6)
 }
 
-/// The box in which the radial distribution is measured: where centres can lie.
+/// The box in which the radial distribution is measured. It holds all positions that centres can have.
 fn window(record: &RunFile, region: &Region) -> (Vec3, Vec3) {
     structure::room_of_centres(&record.scene, region)
 }

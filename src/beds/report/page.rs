@@ -1,4 +1,4 @@
-//! One page with everything, which a browser opens without a network.
+//! An HTML page with all results. A browser can open it without a network.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -15,12 +15,14 @@ const STYLE: &str = "\
 body{font:15px/1.5 system-ui,sans-serif;color:#222;margin:0 auto;padding:1rem 1.5rem;max-width:1240px}
 h1{font-size:1.5rem;margin:0 0 .2rem}h2{font-size:1.15rem;margin:1.6rem 0 .5rem}
 .top{display:flex;flex-wrap:wrap;gap:2rem;align-items:flex-start}
-table{border-collapse:collapse}td{padding:.15rem 1.2rem .15rem 0;vertical-align:top;border-bottom:1px solid #eee}
+table{border-collapse:collapse}\
+td{padding:.15rem 1.2rem .15rem 0;vertical-align:top;border-bottom:1px solid #eee}
 .figures{display:grid;grid-template-columns:repeat(auto-fit,minmax(420px,1fr));gap:1rem}
 .run{columns:2 420px}.run tr{break-inside:avoid}
-figure{margin:0}svg{max-width:100%;height:auto}pre{background:#f6f6f6;padding:.8rem;overflow:auto;font-size:13px}";
+figure{margin:0}svg{max-width:100%;height:auto}\
+pre{background:#f6f6f6;padding:.8rem;overflow:auto;font-size:13px}";
 
-/// Writes it into `folder`; its name.
+/// Writes the page into `folder`; returns its name.
 pub fn write(
     folder: &Path,
     record: &RunFile,
@@ -31,8 +33,10 @@ pub fn write(
     let run = record.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width\">\n<title>{0}</title>\n<style>\n{STYLE}\n</style>\n\
-         </head>\n<body>\n<h1>{0}</h1>\n<p>Frame {1} of {2}, t = {3} s, {4} spheres{5}. Measured in {6}.</p>\n\
+          <meta name=\"viewport\" content=\"width=device-width\">\n\
+          <title>{0}</title>\n<style>\n{STYLE}\n</style>\n\
+          </head>\n<body>\n<h1>{0}</h1>\n\
+          <p>Frame {1} of {2}, t = {3} s, {4} spheres{5}. Measured in {6}.</p>\n\
          <div class=\"top\">\n",
         escaped(&run),
         measured.last().frame,
@@ -76,7 +80,7 @@ fn table(rows: impl Iterator<Item = (String, String)>) -> String {
     format!("<table>\n{}</table>\n", rows.collect::<String>())
 }
 
-/// A number with a long fraction in fewer digits; anything else as it is.
+/// A number with a long fraction gets fewer digits. Any other text stays as it is.
 fn brief(value: String) -> String {
     match value.parse::<f64>() {
         Ok(number) if value.contains('.') && value.len() > 8 && number.is_finite() => short(number),
@@ -84,7 +88,7 @@ fn brief(value: String) -> String {
     }
 }
 
-/// Text that HTML takes for nothing else.
+/// The text with the special characters of HTML escaped.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

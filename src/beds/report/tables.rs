@@ -1,4 +1,4 @@
-//! The tables of an analysis, CSV with all digits, and its summary in JSON.
+//! The tables of a report, as CSV with all digits, and its summary as JSON.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use crate::beds::folder::cannot_write;
 use crate::beds::measures::contacts::Partner;
 use crate::error::Error;
 
-/// Writes them into `folder`; their names.
+/// Writes all tables into `folder`; returns their names.
 pub fn write(folder: &Path, measured: &Measured) -> Result<Vec<String>, Error> {
     let mut written = Vec::new();
     let summary = folder.join("summary.json");

@@ -58,7 +58,8 @@ fn contacts(scene: &Scene, cutoff: f64) -> String {
         "unseen at this tolerance"
     };
     format!(
-        "the stabilised method evaluates gaps up to {cutoff:.4} m of {} m: forces below {} N are left out, {why}",
+        "the stabilised method evaluates gaps up to {cutoff:.4} m of {} m: forces below {} N are left out, \
+         {why}",
         contact.interaction_distance,
         three_digits(force)
     )
@@ -200,14 +201,15 @@ impl Progress {
         let elapsed = self.started.elapsed().as_secs_f64();
         let rate = (frame.time - self.first.get_or_init(|| frame.time)) / elapsed.max(1e-9);
         let text = format!(
-            "t = {:.4} s of {} s, {rate:.2e} s a second, step {:.2e} s, {accepted} steps, {rhs} right-hand sides, kinetic \
-             energy {:.3e} J",
+            "t = {:.4} s of {} s, {rate:.2e} s a second, step {:.2e} s, {accepted} steps, {rhs} right-hand \
+             sides, kinetic energy {:.3e} J",
             frame.time, self.t_end, frame.step, frame.kinetic_energy
         );
         let more = || {
             let Counts { rejected, outrun, forced, rebuilds, .. } = frame.counts;
             format!(
-                ", {rejected} rejected, {outrun} outrun, {forced} forced, {rebuilds} lists, overlap {:.2e} m, {:.1} s",
+                ", {rejected} rejected, {outrun} outrun, {forced} forced, {rebuilds} lists, overlap {:.2e} \
+                 m, {:.1} s",
                 frame.largest_overlap,
                 self.started.elapsed().as_secs_f64()
             )
@@ -316,7 +318,8 @@ pub fn summary(
     line(
         "wall time",
         format!(
-            "{:.2} s on {} ranks with {threads} threads: forces {:.2}, ghosts {:.2}, lists {:.2}, reduction {:.2}, output {:.2}",
+            "{:.2} s on {} ranks with {threads} threads: forces {:.2}, ghosts {:.2}, lists {:.2}, reduction \
+             {:.2}, output {:.2}",
             outcome.seconds,
             comm.size(),
             clocks.forces.as_secs_f64(),
@@ -416,8 +419,8 @@ mod tests {
 
     #[test]
     fn memory_is_counted_for_the_method_that_will_run() {
-        // State and slope at both ends of a step; the slopes of a table, or two increments and a direction of
-        // the stabilised method.
+        // Every method needs state and slope at both ends of a step. Tables of stages need further slopes. The
+        // Chebyshev method needs two changes of the state and a direction.
         let of = |method: &str| {
             let step = if method == "velocity-verlet" { "step = 1e-5" } else { "" };
             scene_with_solver(&format!("method = '{method}'\n{step}"))

@@ -15,7 +15,7 @@ use std::cmp::Ordering;
 struct Exit {
     /// Unit vector that points outwards.
     along: Vec3,
-    /// Largest distance of any centre from the origin along it at the start, m.
+    /// Largest coordinate of a centre in this direction at the start, m.
     started: f64,
 }
 
@@ -97,15 +97,15 @@ impl Monitor {
         let mut warnings = Vec::new();
         if furthest[0] > 0.0 {
             warnings.push(format!(
-                "warning: the centre of particle {} was {:.3e} m beyond a wall at a frame: contacts are too soft for this \
-                 motion; a larger contact.stiffness_exponent makes them harder",
+                "warning: the centre of particle {} was {:.3e} m beyond a wall at a frame: contacts are too \
+                 soft for this motion; a larger contact.stiffness_exponent makes them harder",
                 -lowest[0], furthest[0]
             ));
         }
         if count[0] > 0 {
             warnings.push(format!(
-                "warning: {} particles left the open container, the first of them particle {}: they move on where no wall \
-                 stands and gravity does not bring them back",
+                "warning: {} particles left the open container, the first of them particle {}: they move on \
+                 where no wall stands and gravity does not bring them back",
                 count[0], -lowest[1]
             ));
         }

@@ -35,8 +35,8 @@ fn cut_force_warning(scene: &Scene) -> Option<String> {
     let enough = (contact.repulsion_at_contact / (1e-3 * scale)).ln() / contact.stiffness_exponent;
     (cut > 1e-3 * scale).then(|| {
         format!(
-            "warning: contact.interaction_distance = {} m cuts off a force of {cut:.3e} N, which is {:.1e} of {name}: \
-             step control and energy will suffer; {:.4} m or more would do",
+            "warning: contact.interaction_distance = {} m cuts off a force of {cut:.3e} N, which is {:.1e} \
+             of {name}: step control and energy will suffer; {:.4} m or more would do",
             contact.interaction_distance,
             cut / scale,
             // Rounded up, so that the number printed is enough.
@@ -64,22 +64,21 @@ pub fn overlap_warning(scene: &Scene, overlap: f64) -> Option<String> {
     let share = overlap / scene.particles.radius;
     (share > 0.3).then(|| {
         format!(
-            "warning: at the start spheres overlap each other or a wall by up to {overlap:.3e} m, {share:.2} of the radius: \
-             they will fly apart"
+            "warning: at the start spheres overlap each other or a wall by up to {overlap:.3e} m, {share:.2} \
+             of the radius: they will fly apart"
         )
     })
 }
 
 /// Energy (J) that it takes to push two bodies `reach` (m) closer together than touching.
 ///
-/// At `reach` = r the centre of a sphere is in the plane of a wall. At `reach` = 2 r the centres of a pair
-/// coincide. The force beyond l_max, which is cut off, is included.
+/// With `reach` = r the centre of a sphere is in the plane of a wall. With `reach` = 2 r the centres of a
+/// pair coincide. The cut at l_max is neglected.
 fn barrier(scene: &Scene, kappa: f64, reach: f64) -> f64 {
     scene.contact.repulsion_at_contact / kappa * (kappa * reach).exp()
 }
 
-/// The smallest kappa (1/m) above the scene's for which the barrier is `energy` (J): three digits, rounded
-/// up.
+/// The least kappa (1/m) above the scene's for which the barrier is `energy` (J); three digits, rounded up.
 fn kappa_that_would_do(scene: &Scene, reach: f64, energy: f64) -> f64 {
     // From kappa = 1/reach on, the barrier grows with kappa.
     let mut low = scene.contact.stiffness_exponent.max(1.0 / reach);
@@ -128,8 +127,9 @@ fn wall_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
     let barrier = barrier(scene, scene.contact.stiffness_exponent, r);
     (barrier < energy).then(|| {
         format!(
-            "warning: particle {i} can meet {name} with {energy:.3e} J, and the barrier (F_0/kappa) e^(kappa r) of a wall is \
-             {barrier:.3e} J: centres will go beyond it and come back; contact.stiffness_exponent = {} 1/m or more would do",
+            "warning: particle {i} can meet {name} with {energy:.3e} J, and the barrier (F_0/kappa) \
+             e^(kappa r) of a wall is {barrier:.3e} J: centres will go beyond it and come back; \
+             contact.stiffness_exponent = {} 1/m or more would do",
             short(kappa_that_would_do(scene, r, energy))
         )
     })
@@ -166,9 +166,9 @@ fn pair_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
     let barrier = barrier(scene, scene.contact.stiffness_exponent, reach);
     (barrier < energy).then(|| {
         format!(
-            "warning: two particles can meet at {} m/s, with {energy:.3e} J, and the barrier (F_0/kappa) e^(2 kappa r) of a \
-             pair is {barrier:.3e} J: they will pass through each other; contact.stiffness_exponent = {} 1/m or more \
-             would do",
+            "warning: two particles can meet at {} m/s, with {energy:.3e} J, and the barrier (F_0/kappa) \
+             e^(2 kappa r) of a pair is {barrier:.3e} J: they will pass through each other; \
+             contact.stiffness_exponent = {} 1/m or more would do",
             short(squared.sqrt()),
             short(kappa_that_would_do(scene, reach, energy))
         )
@@ -190,8 +190,9 @@ fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -> Option<St
     };
     (tolerance * tightening(scene) >= most).then(|| {
         format!(
-            "warning: solver.tolerance = {} does not control the step: it accepts steps that are wrong by {wrong}; only how \
-             far a particle may move in a step does, and contacts may create energy; the default is 0.1",
+            "warning: solver.tolerance = {} does not control the step: it accepts steps that are wrong by \
+             {wrong}; only how far a particle may move in a step does, and contacts may create energy; the \
+             default is 0.1",
             short(tolerance)
         )
     })
@@ -213,21 +214,21 @@ fn created_energy_warning(scene: &Scene, start: &InitialCondition, course: &Fram
     let created = course.residual();
     if scene.output.energy && created > CREATED_SHARE * largest && created > rounding {
         return Some(format!(
-            "warning: energy at the end and dissipated energy are {created:.3e} J more than there was at the start, {:.1e} \
-             of the largest kinetic energy: no contact creates energy, so the steps are too coarse for the motion, or for \
-             the integral of what it dissipates; a smaller {smaller} would help",
+            "warning: energy at the end and dissipated energy are {created:.3e} J more than there was at the \
+             start, {:.1e} of the largest kinetic energy: no contact creates energy, so the steps are too \
+             coarse for the motion, or for the integral of what it dissipates; a smaller {smaller} would \
+             help",
             created / largest
         ));
     }
-    // A bed at rest has almost no kinetic energy. Do not warn of less than one particle has at the velocity
-    // scale.
+    // A bed at rest has almost no kinetic energy. One particle at the velocity scale is the least scale.
     let least = scene.particles.mass * initial_condition::velocity_scale(scene, start).powi(2);
     let (created, scale) = (course.largest_rise, largest.max(least));
     (created > RISEN_SHARE * scale && created > rounding).then(|| {
         format!(
-            "warning: energy was created: at a frame it was {created:.3e} J more than at one before, {:.1e} of the largest \
-             kinetic energy; no contact creates energy, so the steps are too coarse for the motion; a smaller {smaller} \
-             would help",
+            "warning: energy was created: at a frame it was {created:.3e} J more than at one before, {:.1e} \
+             of the largest kinetic energy; no contact creates energy, so the steps are too coarse for the \
+             motion; a smaller {smaller} would help",
             created / scale
         )
     })
@@ -246,15 +247,16 @@ pub fn doubts(
     let counts = &outcome.counts;
     if counts.forced > 0 {
         doubts.push(format!(
-            "warning: {} steps were accepted at solver.min_step = {:e} s with an error above solver.tolerance",
+            "warning: {} steps were accepted at solver.min_step = {:e} s with an error above \
+             solver.tolerance",
             counts.forced, scene.solver.min_step
         ));
     }
     let share = outcome.largest_overlap / scene.particles.radius;
     if share > 0.3 {
         doubts.push(format!(
-            "warning: the largest overlap is {share:.2} of the radius: the contacts are soft for this load; a larger \
-             contact.stiffness_exponent makes them harder"
+            "warning: the largest overlap is {share:.2} of the radius: the contacts are soft for this load; \
+             a larger contact.stiffness_exponent makes them harder"
         ));
     }
     if loose_tolerance_warning(scene, start).is_some() {

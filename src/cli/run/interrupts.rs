@@ -37,7 +37,7 @@ pub struct Interrupts {
     /// When the last checkpoint was written.
     saved: Cell<Instant>,
     stop_file: PathBuf,
-    /// When this rank last looked for the stop file.
+    /// When rank 0 last looked for the stop file.
     looked: Cell<Instant>,
 }
 
@@ -113,7 +113,7 @@ impl Interrupts {
         self.saved.set(Instant::now());
     }
 
-    /// The run has stopped by `request`: removes the stop file, so that the user need not do so.
+    /// The run has stopped by `request`. If that was the stop file, removes it, so that the user need not.
     pub fn granted(&self, request: StopRequest) {
         if self.leads && request == StopRequest::StopFile {
             // If the removal fails, the next run will stop at once and say why.

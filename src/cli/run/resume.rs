@@ -62,7 +62,8 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     match serde_json::from_str(&plan).expect("rank 0 made it") {
         Plan::Nothing { t } => {
             tell(&format!(
-                "demhybrid: the run in {} is complete, to t = {t} s: nothing to do. --set t_end=LARGER would go on",
+                "demhybrid: the run in {} is complete, to t = {t} s: nothing to do. --set t_end=LARGER would \
+                 go on",
                 file.display()
             ));
             Ok(())
@@ -71,8 +72,8 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
             let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
             let start = start_of(comm, &scene, &path, frames, count)?;
             tell(&format!(
-                "demhybrid: there is no checkpoint of {} yet: the run begins again at t = 0 s; the {frames} frames that it \
-                 holds stay",
+                "demhybrid: there is no checkpoint of {} yet: the run begins again at t = 0 s; the {frames} \
+                 frames that it holds stay",
                 file.display()
             ));
             let beginning = if frames > 0 { Beginning::Again { frames } } else { Beginning::Start };
@@ -94,15 +95,15 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
             let now = format!("{} {}", std::env::consts::ARCH, ground.set.name());
             if slot.instruction_set != now {
                 tell(&format!(
-                    "warning: the checkpoint was made with the instruction set {}, and this machine works with {now}: \
-                     the last digits may differ from those of a run that was never stopped",
+                    "warning: the checkpoint was made with the instruction set {}, and this machine works \
+                     with {now}: the last digits may differ from those of a run that was never stopped",
                     slot.instruction_set
                 ));
             }
             if slot.version != env!("CARGO_PKG_VERSION") {
                 tell(&format!(
-                    "warning: the checkpoint was made by version {} of the program, and this is {}: the last digits may differ \
-                     from those of a run that was never stopped",
+                    "warning: the checkpoint was made by version {} of the program, and this is {}: the last \
+                     digits may differ from those of a run that was never stopped",
                     slot.version,
                     env!("CARGO_PKG_VERSION")
                 ));
@@ -187,7 +188,8 @@ fn fits(header: &Header, found: &Found, recorded: &Scene, path: &Path) -> Result
     }
     if header.memory.frame > found.frames {
         return of(format!(
-            "was made after {} frames, and the file holds {}: it is not the file that the checkpoint belongs to",
+            "was made after {} frames, and the file holds {}: it is not the file that the checkpoint belongs \
+             to",
             header.memory.frame, found.frames
         ));
     }
@@ -218,8 +220,8 @@ fn scene_of(file: &Path, recorded: &str, sets: &[String]) -> Result<Scene, Strin
         let key = set.split('=').next().unwrap_or_default().trim();
         if !FREE.contains(&key.split('.').next().unwrap_or_default().trim()) {
             return Err(format!(
-                "--set {set}: {key} is part of what was computed so far; only t_end (larger), checkpoint.* and limits.* \
-                 can change"
+                "--set {set}: {key} is part of what was computed so far; only t_end (larger), checkpoint.* \
+                 and limits.* can change"
             ));
         }
     }

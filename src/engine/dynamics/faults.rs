@@ -1,4 +1,4 @@
-//! What is wrong where a right-hand side is not finite, or a step is not accurate.
+//! Finds the cause where a right-hand side is not finite or a step is not accurate.
 
 use super::Dynamics;
 use crate::engine::forces::Broken;
@@ -8,7 +8,10 @@ use crate::model::contact::{Rebound, Tangential};
 use crate::model::particle::{Motion, Spin};
 
 impl<R: Rebound, T: Tangential, W: Spin> Dynamics<'_, R, T, W> {
-    /// Why the right-hand side at `y` is not finite, if so: the contact with the lowest ids. Collective.
+    /// The contact because of which the right-hand side at `y` and time `t` (s) is not finite, if any.
+    /// Collective.
+    ///
+    /// Of several it is the one with the lowest ids. Pairs come before walls.
     pub fn explain(&mut self, y: &[Motion<W>], t: f64) -> Option<Error> {
         self.put_bodies(y);
         let ids = |i: usize| self.ids[i] as f64;
@@ -30,8 +33,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Dynamics<'_, R, T, W> {
         }
     }
 
-    /// The id of the particle for which `badness` (by local index; NaN is worst) is largest; the lowest such id.
-    /// Collective.
+    /// The id of the particle with the largest `badness`; the lowest id where several have it. Collective.
+    ///
+    /// `badness` receives the local index. NaN counts as the largest value.
     pub fn worst(&self, badness: impl Fn(usize) -> f64) -> u64 {
         let mut own = [f64::NEG_INFINITY, f64::INFINITY];
         for (i, &id) in self.ids().iter().enumerate() {

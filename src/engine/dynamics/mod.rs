@@ -21,12 +21,15 @@ use std::time::{Duration, Instant};
 mod energy;
 mod faults;
 
-/// The furthest that a step may move a particle, as a share of its radius. Twice that, from both sides of a contact,
-/// is far less than the way through a sphere, so no collision is stepped over at any tolerance.
+/// The furthest that a step may move a particle, as a share of its radius.
+///
+/// Both particles of a contact may move that far. Together that is far less than the way through a sphere, so
+/// no step misses a collision at any tolerance.
 pub const TRAVEL: f64 = 0.3;
 
-/// How far beyond `l_max` lists and ghosts reach, as a share of the radius. Twice the travel at least: two particles
-/// may approach each other.
+/// How far the cutoff of lists and ghosts exceeds `l_max`, as a share of the radius.
+///
+/// It must be at least twice the travel: two particles may approach each other.
 pub const SKIN: f64 = 2.0 * TRAVEL;
 
 /// Time spent in the parts of the work on this rank.
@@ -34,70 +37,77 @@ pub const SKIN: f64 = 2.0 * TRAVEL;
 pub struct Clocks {
     /// Waiting for and copying ghosts.
     pub ghosts: Duration,
-    /// Contacts and sums.
+    /// Contacts and their sums.
     pub forces: Duration,
-    /// Lists, migration, slab bounds.
+    /// Neighbour lists, migration, slab bounds.
     pub lists: Duration,
-    /// Agreement on errors, and lengths of states over all ranks.
+    /// Agreement on errors, and lengths of states, over all ranks.
     pub reduction: Duration,
 }
 
-/// Extremes over all particles of one state, known to all ranks.
+/// Extremes over all particles of one state, the same on all ranks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Extremes {
     /// Largest speed, m/s.
     pub speed: f64,
-    /// Largest distance from the place where the lists were built, m.
+    /// Largest distance from where the lists were built, m.
     pub drift: f64,
 }
 
-/// Looks out for the first right-hand side that is not finite: its time (s), state and slope.
+/// The first right-hand side found that is not finite: its time (s), state and slope. None while there is
+/// none.
 type FaultSearch<W> = Option<(f64, Vec<Motion<W>>, Vec<Motion<W>>)>;
 
-/// Equations of motion of all particles, of which this rank owns some.
+/// Equations of motion of all particles. This rank owns some of them.
 pub struct Dynamics<'c, R, T, W> {
     comm: &'c dyn Comm,
     forces: Forces<R, T, W>,
     census: Census,
     slabs: Slabs,
     halo: Halo,
-    /// Ids of the owned particles, in the order of sums, then of the ghosts.
+    /// Ids of the owned particles in summation order, then of the ghosts.
     ids: Vec<u64>,
     /// Where the owned particles were when the lists were built, m.
     origin: Vec<Vec3>,
-    /// Largest squared distance of any stage so far from `origin`, as far as that may be too far, and from the start of the trial
-    /// step, m^2.
+    /// Largest squared distances over all stages of this trial step, m^2: from `origin`, and from the start
+    /// of the step.
+    ///
+    /// The first may be 0 in place of a distance that is certainly within the free path.
     moved: [f64; 2],
-    /// Of the accepted state.
+    /// Extremes of the accepted state.
     extremes: Extremes,
-    /// Of the result of the last trial.
+    /// Extremes of the result of the last trial.
     candidate: Extremes,
-    /// The next stage has been begun together with the last one, as far as others see it.
+    /// Whether the last evaluation has already begun the next stage: the exported bodies are there.
     is_open: bool,
     pair_evaluations: u64,
-    /// Of all ranks, before this process took the run up.
+    /// Pairs that all ranks evaluated in earlier processes of the run.
     earlier_pairs: u64,
     rebuilds: u64,
-    /// Whether every right-hand side also tells what it dissipates.
+    /// Whether every right-hand side also computes the power that it dissipates.
     audits: bool,
     dissipation: Dissipation,
     fault_search: Option<FaultSearch<W>>,
-    /// What this rank sees of the world outside.
+    /// Returns what this rank is requested to do, if anything can interrupt the run.
     interrupts: Option<&'c dyn Fn() -> StopRequest>,
-    /// What the ranks agreed on last.
+    /// The stop request on which all ranks agreed last.
     request: StopRequest,
-    /// A speed that matters in the scene, m/s.
+    /// A typical speed of the scene, m/s.
     velocity_scale: f64,
-    /// Largest gap at which surfaces interact, m; lists and ghosts reach that far at all times.
+    /// Largest gap at which surfaces interact, m. Lists and ghosts always cover it.
     l_max: f64,
-    /// Time by part.
+    /// Time spent in the parts of the work.
     pub clocks: Clocks,
 }
 
 impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
-    /// Takes the particles `ids` with their states `y`, spread over the ranks in any way, and brings each to the rank
-    /// that owns it, with its part of each list of `companions`. Ids must be 0..count over all ranks; `velocity_scale` is
-    /// a speed that matters, m/s. Fails where `InstructionSet::chosen` does, which must be the same on all ranks. Collective.
+    /// Takes the particles `ids` with their states `y` and brings each to the rank that owns it. Collective.
+    ///
+    /// The particles may be spread over the ranks in any way. Over all ranks the ids must be 0..count. Each
+    /// list of `companions` is as long as `y`, and its rows move along.
+    ///
+    /// `velocity_scale` is a typical speed, m/s. Fails where `InstructionSet::chosen` fails, which must be
+    /// the same on all ranks.
     pub fn new(
         comm: &'c dyn Comm,
         law: Law<R, T>,
@@ -139,15 +149,16 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         dynamics.forces.owned = y.len();
         dynamics.relocate(0.0, y, companions)?;
         if comm.size() > 1 {
-            // Now that pairs are known the slabs can have equal loads.
+            // The pairs are known now, so the slabs can be given equal loads.
             dynamics.relocate(0.0, y, companions)?;
             dynamics.rebuilds = 1;
         }
         Ok(dynamics)
     }
 
-    /// From now on evaluates contacts up to `gap` (m), or up to `l_max` where that is less. Returns whether that is a
-    /// change, after which slopes and energies are others.
+    /// From now on evaluates contacts up to `gap` (m), or up to `l_max` if that is less.
+    ///
+    /// Returns whether this is a change. Slopes and energies found before are then out of date.
     pub fn evaluate_within(&mut self, gap: f64) -> bool {
         let gap = gap.min(self.l_max);
         let changed = gap != self.forces.law.l_max;
@@ -157,18 +168,18 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         changed
     }
 
-    /// Distance of centres within which pairs are listed, m.
+    /// Distance of centres up to which pairs are listed, m.
     pub fn cutoff(&self) -> f64 {
         let r = self.forces.law.r;
         2.0 * r + self.l_max + SKIN * r
     }
 
-    /// Furthest that a step may move a particle, m.
+    /// The furthest that a step may move a particle, m.
     pub fn travel(&self) -> f64 {
         TRAVEL * self.forces.law.r
     }
 
-    /// Ids of the owned particles, in the order in which the states of the anchor are.
+    /// Ids of the owned particles, in the order of the states at the start of the step.
     pub fn ids(&self) -> &[u64] {
         &self.ids[..self.forces.owned]
     }
@@ -178,34 +189,34 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.census.count()
     }
 
-    /// Slab bounds.
+    /// The slabs.
     pub fn slabs(&self) -> &Slabs {
         &self.slabs
     }
 
-    /// Ghosts of this rank.
+    /// Number of ghosts of this rank.
     pub fn ghosts(&self) -> usize {
         self.halo.ghosts()
     }
 
-    /// Pairs on the lists of this rank.
+    /// Number of pairs on the lists of this rank.
     pub fn listed_pairs(&self) -> usize {
         self.forces.lists.pairs()
     }
 
-    /// Pairs within `l_max` that were evaluated so far, each counted once over all ranks. Collective.
+    /// Pairs within `l_max` evaluated so far in the whole run, each counted once over all ranks. Collective.
     pub fn pair_evaluations(&self) -> u64 {
         self.total_pairs(self.pair_evaluations)
     }
 
-    /// The same from what `own_pairs` was on every rank at one time. Collective.
+    /// The same total, computed from an earlier value of `own_pairs` of every rank. Collective.
     pub fn total_pairs(&self, own: u64) -> u64 {
         let mut sum = [own];
         self.comm.sum(&mut sum);
         self.earlier_pairs + sum[0]
     }
 
-    /// Of these, the ones with their earlier particle on this rank.
+    /// Pairs that this rank has evaluated in this process and whose earlier particle it owns.
     pub fn own_pairs(&self) -> u64 {
         self.pair_evaluations
     }
@@ -215,7 +226,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.rebuilds
     }
 
-    /// Memory held for particles, ghosts and lists, bytes.
+    /// Memory held for particles, ghosts and lists on this rank, bytes.
     pub fn bytes(&self) -> usize {
         self.forces.bytes()
             + self.origin.capacity() * size_of::<Vec3>()
@@ -227,7 +238,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.candidate
     }
 
-    /// The state with these extremes is accepted.
+    /// Stores the extremes of a newly accepted state.
     pub fn commit(&mut self, extremes: Extremes) {
         self.extremes = extremes;
     }
@@ -242,32 +253,32 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         &self.origin
     }
 
-    /// Goes on with the counts of an earlier process, over all ranks: lists built and pairs evaluated.
+    /// Continues the counts of an earlier process, over all ranks: lists built and pairs evaluated.
     pub fn go_on_from(&mut self, rebuilds: u64, pairs: u64) {
         (self.rebuilds, self.earlier_pairs) = (rebuilds, pairs);
     }
 
-    /// From now on asks `outside`, on every rank once a trial step, what it wishes.
+    /// From now on calls `interrupts` once a trial step, on every rank, for stop requests.
     pub fn listen_to(&mut self, interrupts: &'c dyn Fn() -> StopRequest) {
         self.interrupts = Some(interrupts);
     }
 
-    /// What the world outside wished in the last trial: the same on every rank.
+    /// The stop request of the last trial, the same on every rank.
     pub fn request(&self) -> StopRequest {
         self.request
     }
 
-    /// The lists were built at the accepted state.
+    /// Whether the lists were built at the accepted state.
     pub fn lists_are_fresh(&self) -> bool {
         self.extremes.drift == 0.0
     }
 
-    /// The largest step from the accepted state that moves no particle too far, as its speed lets expect, s.
+    /// The largest step from the accepted state that is expected to move no particle too far, s.
     pub fn step_limit(&self) -> f64 {
         0.9 * self.travel() / self.extremes.speed
     }
 
-    /// A step `h` (s) from the accepted state is likely to outrun the lists.
+    /// Whether a step `h` (s) from the accepted state is likely to move a particle out of range of the lists.
     pub fn will_outrun(&self, h: f64) -> bool {
         self.extremes.drift + self.extremes.speed * h > self.free_path()
     }
@@ -277,26 +288,30 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         0.5 * SKIN * self.forces.law.r
     }
 
-    /// From now on every right-hand side also tells the power that it dissipates, which costs about twice as much again.
+    /// From now on computes the dissipated power with every right-hand side. This takes two more passes over
+    /// the contacts.
     pub fn audit(&mut self) {
         self.audits = true;
     }
 
-    /// From now on looks out for a right-hand side that is not finite, which costs a reduction each.
+    /// From now on looks for a right-hand side that is not finite. This takes a reduction for every
+    /// right-hand side.
     pub fn watch(&mut self) {
         self.fault_search = Some(None);
     }
 
-    /// The first right-hand side since `watch` that was not finite: time (s), state and slope. Ends the watch.
+    /// The first right-hand side since `watch` that was not finite: time (s), state and slope. Ends the
+    /// search.
     pub fn broken(&mut self) -> FaultSearch<W> {
         self.fault_search.take().flatten()
     }
 
-    /// Migrates particles to their owners, moves slab bounds after them, and lists neighbours afresh. What belongs to
-    /// `anchor` may change in length and order. Collective.
+    /// Moves particles to their owners, adapts the slab bounds, and builds new neighbour lists. Collective.
+    ///
+    /// The vectors of `step_start` may change in length and order.
     pub fn rebuild(&mut self, step_start: &mut StepStart<Motion<W>>) -> Result<(), Error> {
         let StepStart { t, y, slope, slope_known, direction, direction_known, .. } = step_start;
-        // All ranks know the same, so all send the same lists.
+        // Both flags are the same on all ranks, so all ranks send the same lists.
         let known = [*slope_known, *direction_known];
         let lists =
             [slope, direction].into_iter().zip(known).filter_map(|(list, known)| known.then_some(list));
@@ -356,20 +371,21 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         Ok(())
     }
 
-    /// `own` of every rank, by rank. Collective.
+    /// The numbers `own` of every rank, by rank. Collective.
     fn gather<const K: usize>(&self, own: [f64; K]) -> Vec<[f64; K]> {
         let mut all = vec![[0.0; K]; self.comm.size()];
         self.comm.all_gather(&own, all.as_flattened_mut());
         all
     }
 
-    /// Puts owned bodies and ghosts where `y` says. Collective.
+    /// Moves owned bodies and ghosts to the state `y`. Collective.
     fn put_bodies(&mut self, y: &[Motion<W>]) {
         self.halo.refresh(self.comm, y, self.forces.ghosts());
         self.forces.put(y);
     }
 
-    /// The right-hand side at the stage of a step from `y` that `make` makes, as for `Ivp::rhs_of`. Collective.
+    /// The right-hand side at the stage that `make` computes for a step from `y`, as in `Ivp::rhs_of`.
+    /// Collective.
     fn evaluate<const K: usize>(
         &mut self,
         t: f64,
@@ -402,7 +418,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
             self.halo.deliver(forces.ghosts());
             waited = clock.elapsed().saturating_sub(inside);
         }
-        // Where somebody looks at bodies after this none may be ahead of the others.
+        // Audits and the search for faults read all bodies after this stage: none may be at the next stage
+        // then.
         self.is_open = stage + 1 < stages && !self.audits && self.fault_search.is_none();
         let (pairs, moved) = forces.finish_stage(maker, self.is_open, again(&mut vectors), dydt);
         self.pair_evaluations += pairs;
@@ -415,7 +432,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
         self.look_out(t, dydt);
     }
 
-    /// Remembers the first right-hand side that is not finite, where somebody asked for it. Collective.
+    /// Keeps the first right-hand side that is not finite, if a search is on. Collective.
     fn look_out(&mut self, t: f64, dydt: &[Motion<W>]) {
         if matches!(self.fault_search, Some(None)) {
             let mut steepest = [dydt.iter().map(Linear::max_abs).fold(0.0, larger)];
@@ -427,7 +444,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Dynamics<'c, R, T, W> {
     }
 }
 
-/// How far the particles of all ranks extend along each axis, m; negative where there are none. Collective.
+/// Extent of the particles of all ranks along each axis, m; negative if there are none. Collective.
 fn sizes<W>(comm: &dyn Comm, y: &[Motion<W>]) -> [f64; 3] {
     let own = [0, 1, 2].map(|axis| Extent::of(y.iter().map(|body| body.x[axis])));
     let mut ends = own.map(|extent| [-extent.low, extent.high]);
@@ -435,8 +452,9 @@ fn sizes<W>(comm: &dyn Comm, y: &[Motion<W>]) -> [f64; 3] {
     ends.map(|[low, high]| high + low)
 }
 
-/// The narrowest and the widest of the instruction sets that the ranks offer; `own` is this rank's. All use the narrowest.
-/// Collective.
+/// The narrowest and the widest of the instruction sets that the ranks offer. Collective.
+///
+/// `own` is the set of this rank. All ranks use the narrowest.
 pub fn common_instructions(comm: &dyn Comm, own: InstructionSet) -> [InstructionSet; 2] {
     let number = InstructionSet::ALL.iter().position(|&set| set == own).unwrap_or(0) as f64;
     let mut ends = [-number, number];
@@ -444,7 +462,7 @@ pub fn common_instructions(comm: &dyn Comm, own: InstructionSet) -> [Instruction
     ends.map(|end| InstructionSet::ALL[end.abs() as usize])
 }
 
-/// The same slices once more.
+/// Reborrows the slices, so that they can be passed on more than once.
 fn again<'v, S, const K: usize>(vectors: &'v mut [&mut [S]; K]) -> [&'v mut [S]; K] {
     vectors.each_mut().map(|vector| &mut **vector)
 }
@@ -471,7 +489,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
                     _: &mut [Motion<W>]| {
             bodies.copy_from_slice(&y[first..first + bodies.len()]);
         };
-        // It may be at any state.
+        // `y` may be any state: distances measured from the start of the step do not apply.
         self.forces.begin_step();
         self.evaluate(t, y, [0, 1], [], dydt, &make);
     }
@@ -492,8 +510,10 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         self.dissipation
     }
 
-    /// Twice the kinetic energy of the velocities in `v`, and positions by the speed at which a contact at rest would
-    /// swing; the square root of it. Friction is symmetric in this norm.
+    /// Length of `v`, a vector of the state space, over all ranks.
+    ///
+    /// Its square is twice the kinetic energy of the velocities, plus `kappa f_0 x^2` for the positions: a
+    /// spring with the stiffness of a contact at rest. Friction is symmetric in this norm.
     fn length(&mut self, v: &[Motion<W>]) -> f64 {
         let clock = Instant::now();
         let BodyParameters { mass, inverse_inertia, .. } = self.forces.parameters;
@@ -518,7 +538,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
                 let mut vector = |size: f64| {
                     Vec3::from_fn(|_, _| {
                         bits = migration::scramble(bits);
-                        // 53 bits of a fraction in -1..1.
+                        // 53 bits as a fraction in -1..1.
                         size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0)
                     })
                 };
@@ -528,7 +548,8 @@ impl<R: Rebound, T: Tangential, W: Spin> Ivp for Dynamics<'_, R, T, W> {
         });
     }
 
-    /// 1.5e-8 of a particle at the speed of `velocity_scale`: half of the digits.
+    /// The length of the state of one particle at `velocity_scale`, times the square root of the machine
+    /// epsilon (1.5e-8): half of the digits.
     fn small_length(&self) -> f64 {
         f64::EPSILON.sqrt() * self.forces.parameters.mass.sqrt() * self.velocity_scale
     }

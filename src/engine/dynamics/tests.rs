@@ -1,4 +1,4 @@
-//! The right-hand side does not depend on who owns what, and who owns what follows the work.
+//! The right-hand side does not depend on which rank owns which particle, and slabs are cut by work.
 
 use super::*;
 use crate::domain::comm::team::team;
@@ -16,7 +16,7 @@ use std::sync::Mutex;
 
 type Body = Motion<Spinning>;
 
-/// Bits of the slopes by id, at the start and after a move, and the pairs that were evaluated.
+/// Bits of the slopes by id, at the start and after a move, and the number of pairs evaluated.
 type Answer = (BTreeMap<u64, Vec<u64>>, u64);
 
 fn parameters() -> BodyParameters {
@@ -38,7 +38,7 @@ fn law() -> Law<Dissipative, Coulomb> {
     }
 }
 
-/// Slopes from `bounds.len() + 1` ranks, whose slabs have these inner bounds.
+/// Slopes from `bounds.len() + 1` ranks, whose slabs have the inner bounds `bounds`.
 fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
     let ranks = bounds.len() + 1;
     let found = Mutex::new((BTreeMap::<u64, Vec<u64>>::new(), 0));
@@ -52,7 +52,7 @@ fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
         let (low, high) = dynamics.slabs().of(comm.rank());
         assert!(y.iter().all(|body| low <= body.x.z && body.x.z < high), "every rank has its slab");
         dynamics.begin();
-        // The second time ghosts have moved, by less than the skin, and near pairs are picked afresh.
+        // The second time all have moved, by less than the skin, and near pairs are picked again.
         for _ in 0..2 {
             let mut slope = y.clone();
             dynamics.rhs(0.0, &y, &mut slope);
@@ -71,14 +71,14 @@ fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
     found.into_inner().unwrap()
 }
 
-/// Clouds of all shapes: flat ones, columns, spheres within each other, and far-away ones.
+/// Clouds of all shapes: flat ones, columns, overlapping spheres, and distant ones.
 fn cloud() -> impl Strategy<Value = Vec<Body>> {
     let vector = |size: f64| vec(-size..size, 3).prop_map(|v| Vec3::new(v[0], v[1], v[2]));
     let sizes = vec(prop_oneof![Just(0.0), Just(0.3), Just(1.2), Just(1e6)], 3);
     let body = (vector(0.5), vector(1.0), vector(20.0));
     (sizes, vec(body, 1..80)).prop_map(|(sizes, bodies)| {
         let body = |(k, (x, v, omega)): (usize, (Vec3, Vec3, Vec3))| {
-            // No two centres in one point.
+            // No two centres coincide.
             let shift = Vec3::repeat(1e-3 * k as f64);
             Motion { x: Vec3::from_fn(|axis, _| sizes[axis] * x[axis]) + shift, v, omega: Spinning(omega) }
         };
@@ -86,7 +86,7 @@ fn cloud() -> impl Strategy<Value = Vec<Body>> {
     })
 }
 
-/// Where bounds are: anywhere, at the height of a particle, or beyond all.
+/// Positions of bounds: anywhere, at the height of a particle, or beyond all particles.
 #[derive(Debug, Clone)]
 enum Bound {
     At(f64),
@@ -103,7 +103,12 @@ fn bounds() -> impl Strategy<Value = Vec<Bound>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 150, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig {
+        cases: 150,
+        failure_persistence: None,
+        rng_seed: RngSeed::Fixed(1),
+        ..ProptestConfig::default()
+    })]
 
     #[test]
     fn any_slab_bounds_give_the_same_bits(bodies in cloud(), bounds in bounds()) {
@@ -135,7 +140,8 @@ fn ranks_with_different_instruction_sets_all_use_the_narrowest() {
     }
 }
 
-/// Place `k` in a lattice of width `d` (m), 10 across, slightly tilted so that no two heights are equal.
+/// Point `k` of a lattice of width `d` (m), 10 across. It is slightly tilted, so that no two heights are
+/// equal.
 fn place(k: usize, d: f64) -> Vec3 {
     let [a, b, c] = [k % 10, k / 10 % 10, k / 100].map(|k| k as f64);
     Vec3::new(d * a, d * b, d * c + 1e-4 * (10.0 * b + a))
@@ -143,10 +149,10 @@ fn place(k: usize, d: f64) -> Vec3 {
 
 #[test]
 fn slabs_share_out_near_pairs_and_not_particles() {
-    // 500 spheres that touch, and above them 500 far apart.
+    // 500 spheres that touch, and 500 distant ones above them.
     let x: Vec<Vec3> = (0..1000).map(|k| place(k, if k < 500 { 0.19 } else { 0.6 })).collect();
     let law = Law { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound: Elastic, tangential: Frictionless };
-    // Near pairs are those within the cut-off and a tenth of the radius; alone a particle counts 4.
+    // Near pairs are those within the cutoff plus a tenth of the radius. A particle without pairs counts 4.
     let at = |i: u64| x[i as usize];
     let work = |i: u64| 3 + x.iter().filter(|other| (at(i) - *other).norm() <= 0.31).count() as u64;
     for ranks in 2..=3 {
@@ -157,7 +163,7 @@ fn slabs_share_out_near_pairs_and_not_particles() {
             let parameters =
                 BodyParameters { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
             let mut dynamics = Dynamics::new(comm, law, parameters, 1.0, ids, &mut y, &mut []).unwrap();
-            // The first lists were not known when the first bounds were set.
+            // There were no lists yet when the first bounds were set.
             dynamics.rebuild(&mut StepStart::new(0.0, y)).unwrap();
             let expected: Vec<u64> = dynamics.ids().iter().map(|&id| work(id)).collect();
             assert_eq!(dynamics.forces.loads(), expected);
@@ -172,7 +178,7 @@ fn slabs_share_out_near_pairs_and_not_particles() {
     }
 }
 
-/// On a floor, below which the bed begins.
+/// A floor, on which the lowest layer of the bed lies.
 fn floor() -> BodyParameters {
     BodyParameters { walls: vec![Wall::new(Vec3::repeat(-0.09), -Vec3::z())], ..parameters() }
 }
@@ -192,19 +198,21 @@ fn bed(n: usize) -> Vec<Body> {
     (0..n).map(body).collect()
 }
 
-/// The slopes of `bodies` moved by `way(id)` (m) after their lists were built, with the ids, and the pairs, of this rank.
+/// The slopes of this rank with their ids, and its number of pairs, after a move by `way(id)` (m) along y.
+///
+/// The lists are those from before the move.
 fn after_a_move(comm: &dyn Comm, bodies: &[Body], way: &dyn Fn(u64) -> f64) -> (Vec<(u64, Body)>, u64) {
     let own = rows::block(bodies.len() as u64, comm.rank(), comm.size());
     let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
     let mut dynamics = Dynamics::new(comm, law(), floor(), 1.0, own.collect(), &mut y, &mut []).unwrap();
     assert_eq!(dynamics.forces.lists.blocks.len(), rayon::current_num_threads());
-    // Slabs lie across the length of the bed.
+    // The slabs are cut across the long axis of the bed.
     assert!(comm.size() == 1 || dynamics.slabs.axis() == 0);
     let start = y.clone();
     for (body, &id) in y.iter_mut().zip(dynamics.ids()) {
         body.x.y += way(id);
     }
-    // As the second stage of a step from where they were, begun with the end of the first; and as a state of its own.
+    // First as the second stage of a step, begun at the end of the first stage; then as a state of its own.
     dynamics.begin();
     let mut second = y.clone();
     for stage in [0, 1] {
@@ -222,7 +230,7 @@ fn after_a_move(comm: &dyn Comm, bodies: &[Body], way: &dyn Fn(u64) -> f64) -> (
     (dynamics.ids().iter().copied().zip(slope).collect(), dynamics.own_pairs() - pairs)
 }
 
-/// The same by id, from so many ranks of so many threads.
+/// The same by id, from `ranks` ranks of `threads` threads each.
 fn by_ranks_and_threads(
     bodies: &[Body],
     way: &(dyn Fn(u64) -> f64 + Sync),
@@ -231,7 +239,7 @@ fn by_ranks_and_threads(
 ) -> (Vec<Body>, u64) {
     let found = Mutex::new((vec![Motion::zero(); bodies.len()], 0));
     team(ranks, |comm| {
-        // Its work is done by this thread and others.
+        // The loops run on this thread and others.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build().unwrap();
         let (slopes, pairs) = after_a_move(comm, bodies, way);
         drop(pool);
@@ -244,8 +252,9 @@ fn by_ranks_and_threads(
 
 #[test]
 fn slopes_of_a_long_bed_are_the_sums_of_its_contacts_by_any_ranks_and_threads() {
-    // More particles than are made ahead of their pairs. They are at rest since the lists were built, or all have moved
-    // on, or only those that come last, when most pairs have been evaluated with what was picked before.
+    // There are more particles than are computed ahead of their pairs. Since the lists were built, they have
+    // not moved, or all have moved, or only the last ones, when most pairs have been evaluated with what was
+    // picked before.
     let bodies = bed(3000);
     let ways: [&(dyn Fn(u64) -> f64 + Sync); 3] =
         [&|_| 0.0, &|id| 0.029 * ((id % 3) as f64 - 1.0), &|id| if id > 2900 { 0.029 } else { 0.0 }];

@@ -1,31 +1,38 @@
-//! Up to which gap the stabilised method evaluates contacts: to `contact.interaction_distance`, or to where their force is
-//! less than the tolerance can see. It works where spheres are in touch and steps are short. The others take the flight and
-//! the first contacts, where weak forces act for long, and where a contact must be felt before it comes, so that steps
-//! shorten in time: they evaluate all.
+//! The cutoff: the largest gap at which the stabilised method evaluates contacts.
+//!
+//! It is `contact.interaction_distance`, or less: the gap at which the force of a contact is too weak to
+//! matter at the tolerance. The stabilised method works where spheres are in touch and steps are short.
+//!
+//! The other methods evaluate all contacts. They are used in flight and in the first contacts. There weak
+//! forces act for a long time, and the weak force ahead of a contact makes the steps shorter in time.
 
 use super::tightening;
 use crate::model::effects::{Effects, Variant};
 use crate::ode::{MethodName, NormName};
 use crate::scene::{DEFAULT_TOLERANCE, Scene};
 
-/// A contact is left out where the acceleration it gives is less than this share of the tolerance, in units of the square of
-/// the velocity scale over the radius. At the default tolerance that is a four-thousandth of a sphere's weight: positions of
-/// a bed are then as accurate as with all contacts, within the spread over starts (docs/design.md).
+/// Limit for contacts that are left out: their acceleration over the tolerance is less than this, in units of
+/// the squared velocity scale over the radius.
+///
+/// At the default tolerance this is a four-thousandth of the weight of a sphere. Positions in a bed are then
+/// as accurate as with all contacts, within the spread over initial conditions (docs/design.md).
 const UNSEEN: f64 = 2.5e-3;
 
-/// The force of contacts that are left out is less than this share of F_0 in any case.
+/// The force of a contact that is left out is always less than this share of F_0.
 const MOST: f64 = 1e-3;
 
-/// Contacts with a repulsion F below this (N) are left out by the stabilised method: `solver.neglected_force`; else what the
-/// tolerance in the scaled norm cannot see, for velocities compared with `scale` (m/s), and nothing in the paper's norm.
-/// 0 where the stabilised method never works.
+/// The stabilised method leaves out contacts with a repulsion F below this, N; 0 where that method is never
+/// used.
+///
+/// It is `solver.neglected_force`, if given. If not, it is what does not matter at the tolerance, for
+/// velocities compared with `scale` (m/s) in the scaled norm, and 0 in the paper's norm.
 pub fn neglected_force(scene: &Scene, scale: f64) -> f64 {
     let solver = &scene.solver;
     let stabilised = match solver.method {
         MethodName::Chebyshev => true,
         MethodName::Auto => {
             let effects = Effects::of(scene);
-            // Without any loss `auto` stays with one method.
+            // Without dissipation `auto` never switches to the stabilised method.
             effects.dissipative || effects.variant != Variant::Basic
         }
         _ => false,
@@ -44,10 +51,10 @@ pub fn neglected_force(scene: &Scene, scale: f64) -> f64 {
     solver.neglected_force.unwrap_or_else(unseen)
 }
 
-/// Largest gap at which contacts are evaluated, m; `scale` as for [`neglected_force`].
+/// Largest gap at which the stabilised method evaluates contacts, m; `scale` as for [`neglected_force`].
 pub fn cutoff(scene: &Scene, scale: f64) -> f64 {
     let contact = &scene.contact;
-    // Without a force to neglect the logarithm is infinite.
+    // If no force is neglected, the logarithm is infinite.
     let gap =
         (contact.repulsion_at_contact / neglected_force(scene, scale)).ln() / contact.stiffness_exponent;
     gap.min(contact.interaction_distance)
@@ -70,9 +77,9 @@ mod tests {
         assert!((cutoff(&bed, scale) - (10.0f64 / 2.4525e-3).ln() / 150.0).abs() < 1e-15);
         let tight = scene(&["solver.tolerance=1e-3"]);
         assert!((neglected_force(&tight, scale) - 2.4525e-5).abs() < 1e-18);
-        // Where the force at the interaction distance is seen, that distance holds.
+        // If the force at the interaction distance matters, that distance is the cutoff.
         assert_eq!(cutoff(&scene(&["solver.tolerance=1e-6"]), scale), 0.1);
-        // However loose, contacts begin long before surfaces touch.
+        // At any tolerance, contacts begin long before the surfaces touch.
         assert_eq!(neglected_force(&scene(&["solver.tolerance=1e3"]), scale), 10.0 * MOST);
     }
 

@@ -1,4 +1,4 @@
-//! Why a run cannot go on.
+//! Decides whether a run can go on after a failed trial, and why not.
 
 use super::Simulation;
 use crate::error::Error;
@@ -8,8 +8,10 @@ use crate::model::particle::{Motion, Spin};
 use crate::ode::{Linear, TrialOutcome};
 
 impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
-    /// A trial with step `h` (s) led nowhere: that is final if the state itself has no finite right-hand side or the
-    /// step cannot be smaller. Collective.
+    /// Returns an error if no smaller step can succeed after a failed trial with step `h` (s). Collective.
+    ///
+    /// That is so if the right-hand side at the last accepted state is not finite, or if the step is the
+    /// smallest.
     pub(super) fn fail_if_impossible(&mut self, h: f64, outcome: TrialOutcome) -> Result<(), Error> {
         if self.start_is_broken() {
             return Err(self.unbearable_start());
@@ -17,7 +19,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         if h > self.control.min_step {
             return Ok(());
         }
-        // The same again, to see where it breaks.
+        // Repeat the trial to find where it breaks.
         self.dynamics.watch();
         self.integrator.attempt(&mut self.dynamics, &mut self.step_start, h, &self.norm, &mut self.trial);
         if let Some((t, state, slope)) = self.dynamics.broken() {

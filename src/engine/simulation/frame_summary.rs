@@ -1,10 +1,10 @@
-//! What the frames of a run told so far, for its summary and its warnings.
+//! What is known from the frames of a run so far, for its summary and its warnings.
 
 use super::Frame;
 use crate::ode::Dissipation;
 use serde::{Deserialize, Serialize};
 
-/// What the frames told, for the summary: of the last one, unless said otherwise.
+/// What is known from the frames so far: values of the last frame, unless stated otherwise.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameSummary {
     /// Number of particles.
@@ -13,22 +13,22 @@ pub struct FrameSummary {
     pub kinetic_energy: f64,
     /// Potential energy, J.
     pub potential_energy: f64,
-    /// Highest point, m.
+    /// Highest point of any sphere, m.
     pub bed_height: f64,
-    /// Energy dissipated by rebound and by friction since the start, J; zero unless `output.energy` asks for it.
+    /// Energy dissipated by rebound and by friction since the start, J; zero unless `output.energy` is on.
     pub dissipated: Dissipation,
-    /// Kinetic and potential energy at t = 0, J.
+    /// Kinetic plus potential energy at t = 0, J.
     pub start_energy: f64,
     /// Largest kinetic energy of any frame, J.
     pub largest_kinetic_energy: f64,
-    /// Least kinetic and potential energy of any frame so far, J.
+    /// Smallest kinetic plus potential energy of any frame so far, J.
     pub lowest_energy: Option<f64>,
-    /// By how much the energy of a frame was above that of an earlier one at most, J: no contact creates energy.
+    /// Largest rise of the energy of a frame above that of an earlier one, J. No contact creates energy.
     pub largest_rise: f64,
 }
 
 impl FrameSummary {
-    /// A frame was made; the first one is that of t = 0.
+    /// Takes a frame into account. The first frame is that of t = 0.
     pub fn follow<W>(&mut self, frame: &Frame<W>) {
         if frame.time == 0.0 {
             self.start_energy = frame.kinetic_energy + frame.potential_energy;
@@ -44,7 +44,7 @@ impl FrameSummary {
         self.largest_rise = self.largest_rise.max(energy - lowest);
     }
 
-    /// Energy that came from nowhere, J: what there is and what was dissipated, less what there was at the start.
+    /// Energy that has no source, J: the energy now plus what was dissipated, minus the energy at the start.
     pub fn residual(&self) -> f64 {
         let [rebound, friction] = self.dissipated;
         self.kinetic_energy + self.potential_energy + rebound + friction - self.start_energy

@@ -1,8 +1,10 @@
-//! What the next step depends on, beside the scene: with it a run goes on, in another process and on any number of ranks,
-//! to the same bits as if it had never stopped.
+//! What the next step depends on, apart from the scene. With it a run continues in another process, on any
+//! number of ranks, to the same bits as if it had never stopped.
 //!
-//! A run is remembered as it was before the last trial step that stood: the one thing that a step which stands does not
-//! change. Taking up a memory repeats that step, and so brings back its frames too, wherever the run was stopped.
+//! A checkpoint holds the run as it was before the last accepted trial step. It is written while the start of
+//! that step is still unchanged.
+//!
+//! A resumed run repeats that step. So it also repeats the frames within it, wherever the run was stopped.
 
 use super::{Counts, Simulation, error_control, rest_detector};
 use crate::domain::{Comm, rows};
@@ -15,18 +17,20 @@ use crate::ode::{Dissipation, Limit, StepStart, integrator};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 
-/// What the next step depends on beside the particles; the same on every rank.
+/// What the next step depends on, apart from the scene and the particles. The same on every rank, except for
+/// the pairs in `counts`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Memory {
     /// Time of the last accepted state, s.
     pub t: f64,
-    /// Frames before this one are complete.
+    /// Number of the next frame: all earlier ones are complete.
     pub frame: u64,
-    /// Work up to there. Of pairs, while the run goes on: those of this rank.
+    /// Work up to this state. `pairs` are those of this rank while the run goes on, and those of all ranks in
+    /// a checkpoint.
     pub counts: Counts,
-    /// Whether the slope at the accepted state is known, and belongs to the particles.
+    /// Whether the slope at the accepted state is known. It then belongs to the particles' data.
     pub slope_known: bool,
-    /// Whether the stiffest direction is known, and belongs to the particles.
+    /// Whether the stiffest direction is known. It then belongs to the particles' data.
     pub direction_known: bool,
     pub(super) h: f64,
     pub(super) limit: Limit,
@@ -42,44 +46,46 @@ pub struct Memory {
     pub(super) largest_overlap: f64,
 }
 
-/// A run to remember: its memory and this rank's particles, in no order that matters.
+/// A run to save: its memory and the particles of this rank. The order of the particles does not matter.
 #[derive(Debug)]
 pub struct Snapshot<'a, W> {
-    /// All but the particles.
+    /// Everything but the particles.
     pub memory: Memory,
-    /// Particles on all ranks.
+    /// Number of particles on all ranks.
     pub count: u64,
     /// Ids of the owned particles.
     pub ids: &'a [u64],
     /// Last accepted state.
     pub state: &'a [Motion<W>],
-    /// Where the particles were when the neighbour lists were built, m: lists that are built there again have the same
-    /// order of sums.
+    /// Positions at which the neighbour lists were built, m. Lists built there again have the same summation
+    /// order.
     pub origin: &'a [Vec3],
-    /// Slope at that state; empty unless known.
+    /// Slope at that state; empty if it is not known.
     pub slope: &'a [Motion<W>],
-    /// The stiffest direction; empty unless known.
+    /// The stiffest direction; empty if it is not known.
     pub direction: &'a [Motion<W>],
 }
 
-/// A run to take up: the memory, and a block of the particles by id.
+/// A run to resume: its memory, and the particles of a block of ids, by id.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Remembered<W> {
-    /// All but the particles.
+    /// Everything but the particles.
     pub memory: Memory,
     /// Last accepted state.
     pub state: Vec<Motion<W>>,
-    /// Where the particles were when the neighbour lists were built, m.
+    /// Positions at which the neighbour lists were built, m.
     pub origin: Vec<Vec3>,
-    /// Slope at that state; empty unless known.
+    /// Slope at that state; empty if it is not known.
     pub slope: Vec<Motion<W>>,
-    /// The stiffest direction; empty unless known.
+    /// The stiffest direction; empty if it is not known.
     pub direction: Vec<Motion<W>>,
 }
 
 impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
-    /// Takes up a run of `count` particles of the scene, whose velocities are compared with `scale` (m/s), under `law`.
-    /// `remembered` holds the particles of this rank's block of ids. Collective.
+    /// Resumes a run of `count` particles of the scene under `law`. Collective.
+    ///
+    /// `remembered` holds the particles of this rank's block of ids. Velocities are compared with `scale`
+    /// (m/s).
     pub fn resume(
         scene: &Scene,
         law: Law<R, T>,
@@ -132,7 +138,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         Ok(simulation)
     }
 
-    /// Keeps in mind what the trial depends on that is about to be made.
+    /// Stores what the next trial depends on, before that trial is made.
     pub(super) fn remember(&mut self) {
         let (step_start, control, dynamics) = (&self.step_start, &self.control, &self.dynamics);
         self.memory = Some(Memory {

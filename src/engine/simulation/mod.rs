@@ -1,4 +1,4 @@
-//! The driver: takes steps until the end of the scene, and frames on the way.
+//! The driver of a run: takes steps to the end of the scene, and makes frames on the way.
 
 use crate::domain::Comm;
 use crate::domain::rows::{self, ById};
@@ -32,66 +32,66 @@ mod observer;
 mod rest_detector;
 mod rounding;
 
-/// Forced accepts in a row that end a run.
+/// Number of consecutive forced steps that ends a run.
 const FORCED_IN_A_ROW: u64 = 1000;
-/// Accepted steps after which forced accepts may not exceed one in a hundred.
+/// Number of accepted steps after which at most one in a hundred may be forced.
 const FORCED_GRACE: u64 = 100_000;
 
-/// Work done so far, the same on every rank and for every number of ranks.
+/// Work done so far, the same on every rank and for any number of ranks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Counts {
-    /// Steps that stand.
+    /// Accepted steps.
     pub accepted: u64,
-    /// Steps whose error was too large.
+    /// Rejected steps: their error was too large.
     pub rejected: u64,
-    /// Trials that left the neighbour lists or moved a particle too far.
+    /// Trials in which a particle left the range of the neighbour lists or moved too far.
     pub outrun: u64,
-    /// Steps accepted at the minimum although their error was too large.
+    /// Steps accepted at the smallest size although their error was too large.
     pub forced: u64,
-    /// Collective right-hand sides, those of rejected trials and of frames included.
+    /// Right-hand sides, each counted once over all ranks, including those of rejected trials and of frames.
     pub rhs: u64,
     /// Pairs within l_max whose force was evaluated.
     pub pairs: u64,
-    /// Times the neighbour lists were built.
+    /// Number of times that the neighbour lists were built.
     pub rebuilds: u64,
     /// Accepted steps by what decided their size, in the order of `Limit::ALL`.
     pub limits: [u64; Limit::ALL.len()],
 }
 
-/// The state of the system at one time, as the output and the progress line want it.
+/// The state of the system at one time, for the output and the progress line.
 #[derive(Debug)]
 pub struct Frame<'a, W> {
     /// Time, s.
     pub time: f64,
     /// Size of the last accepted step, s.
     pub step: f64,
-    /// Work so far.
+    /// Work done so far.
     pub counts: Counts,
     /// Kinetic energy, J.
     pub kinetic_energy: f64,
-    /// Potential energy of contacts and height, J.
+    /// Potential energy of contacts and of gravity, J.
     pub potential_energy: f64,
     /// Largest overlap, m.
     pub largest_overlap: f64,
     /// Highest point of any sphere, m.
     pub bed_height: f64,
-    /// Energy dissipated so far by rebound and by friction, J; zero unless `output.energy` asks for it.
+    /// Energy dissipated so far by rebound and by friction, J; zero unless `output.energy` is on.
     pub dissipated: Dissipation,
-    /// Time in the parts of the work on this rank so far.
+    /// Time spent so far in the parts of the work on this rank.
     pub clocks: Clocks,
-    /// Wall time in the frames before this one on this rank, s.
+    /// Wall time spent on earlier frames and on checkpoints on this rank, s.
     pub output_seconds: f64,
     /// First id of `rows`.
     pub first: u64,
-    /// This rank's block of the particles, by id.
+    /// The particles of this rank's block of ids, by id.
     pub rows: &'a ById<'a, W>,
 }
 
-/// Receives the frames of a run.
+/// Receives the frames and checkpoints of a run.
 pub trait Observer<W> {
-    /// A frame is due. Collective.
+    /// Receives a frame. Collective.
     fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error>;
-    /// The run should be remembered: from there it can be taken up again. Collective.
+    /// Receives a checkpoint, from which the run can be resumed. Collective.
     fn checkpoint(&mut self, _snapshot: &Snapshot<W>) -> Result<(), Error> {
         Ok(())
     }
@@ -103,46 +103,49 @@ impl<W, F: FnMut(&Frame<W>) -> Result<(), Error>> Observer<W> for F {
     }
 }
 
-/// How a run went.
+/// How a run ended.
 #[derive(Debug, Clone)]
 pub struct Outcome {
-    /// Time that was reached, s.
+    /// Time reached, s.
     pub time: f64,
-    /// What stopped the run before its end, if anything did.
+    /// The stop request that ended the run early, if any.
     pub stopped: Option<StopRequest>,
-    /// The key of `[stop]` by which the particles are at rest, if that ended the run.
+    /// The key of `[stop]` whose criterion ended the run because the particles are at rest, if any.
     pub at_rest_by: Option<&'static str>,
     /// Work done.
     pub counts: Counts,
-    /// Pairs evaluated by this rank, those with the earlier particle here.
+    /// Pairs evaluated by this rank, whose earlier particle it owns.
     pub own_pairs: u64,
-    /// Time in the parts of the work on this rank.
+    /// Time spent in the parts of the work on this rank.
     pub clocks: Clocks,
-    /// Wall time in frames on this rank: measures and output, s.
+    /// Wall time spent on frames and checkpoints on this rank, measures included, s.
     pub output_seconds: f64,
     /// Wall time of the run, s.
     pub seconds: f64,
     /// Largest overlap of any frame, m.
     pub largest_overlap: f64,
-    /// The method that took the steps and, of `auto`, why.
+    /// The method that took the steps and, for `auto`, why.
     pub choice: String,
     /// Largest gap at which the stabilised method evaluates contacts, m.
     pub cutoff: f64,
     /// Memory of the solver on this rank, bytes.
     pub bytes: usize,
-    /// Ghosts of this rank at the end.
+    /// Number of ghosts of this rank at the end.
     pub ghosts: usize,
 }
 
-/// Work that can be done with the kernel of any scene's effects.
+/// A task that needs the kernel with the effects of a scene compiled in.
 pub trait Task {
-    /// What it gives.
+    /// Result of the task.
     type Output;
-    /// Does it with the scene's contact law and the state `Motion<W>`.
+    /// Carries out the task with the contact law of the scene and the state `Motion<W>`.
     fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Self::Output;
 }
 
-/// The one place where effects become types: the paper's three variants, with or without loss on rebound.
+/// Turns the effects of a scene into types: the paper's three variants, with or without dissipation by
+/// rebound.
+///
+/// This is done nowhere else.
 pub fn dispatch<K: Task>(scene: &Scene, task: K) -> K::Output {
     let effects = Effects::of(scene);
     if effects.dissipative {
@@ -161,21 +164,21 @@ fn with_rebound<R: Rebound, K: Task>(scene: &Scene, variant: Variant, rebound: R
     }
 }
 
-/// A scene in motion.
+/// A run of a scene.
 pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     comm: &'c dyn Comm,
     dynamics: Dynamics<'c, R, T, W>,
     integrator: Integrator<'c, Dynamics<'c, R, T, W>>,
     control: StepControl,
-    /// The scene's own, which `auto` may have tightened.
+    /// The tolerance of the scene, before `auto` tightens it.
     tolerance: f64,
     /// Largest gap at which the stabilised method evaluates contacts, m.
     cutoff: f64,
     norm: Norm,
-    /// The last accepted state of the owned particles and what belongs to it.
+    /// The last accepted state of the owned particles, and what is known there.
     step_start: StepStart<Motion<W>>,
     trial: TrialStep<Motion<W>>,
-    /// Proposal for the next step, s, and what decided it.
+    /// Proposed size of the next step, s, and what decided it.
     h: f64,
     limit: Limit,
     /// Size of the last accepted step, s.
@@ -186,41 +189,42 @@ pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     forced_in_a_row: u64,
     t_end: f64,
     interval: f64,
-    /// The next frame.
+    /// Number of the next frame.
     frame: u64,
     /// Largest overlap of any frame, m.
     largest_overlap: f64,
-    /// Wall time in frames and checkpoints, s.
+    /// Wall time spent on frames and checkpoints, s.
     output_seconds: f64,
-    /// When the particles are at rest, and what was seen of them so far.
+    /// When the run ends because the particles are at rest, and the state of the rest detector.
     stop: Option<Stop>,
     watched: rest_detector::Watched,
     /// Whether a step has been accepted in this process.
     moved_on: bool,
-    /// The run as it was before the last trial.
+    /// The memory of the run before the last trial.
     memory: Option<Memory>,
-    /// Simulated time between checkpoints, s; infinite if only others ask for them.
+    /// Simulated time between checkpoints, s; infinite if checkpoints are only written on request.
     checkpoint_interval: f64,
-    /// Whether the end is a checkpoint too.
+    /// Whether a checkpoint is written at the end too.
     checkpoints: bool,
     /// Time of the last checkpoint, or of the start, s.
     saved: f64,
     started: Instant,
 }
 
-/// A trial step that stands.
+/// An accepted trial step.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     /// Size, s.
     h: f64,
-    /// It stands only because it could not be smaller.
+    /// Whether it was accepted only because steps cannot be smaller.
     forced: bool,
     /// What decided its size.
     limit: Limit,
 }
 
 impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
-    /// Puts the particles of `start` (all of them, on every rank) in motion under `law`. Collective.
+    /// A run from the initial condition `start` under `law`. `start` holds all particles, on every rank.
+    /// Collective.
     pub fn new(
         scene: &Scene,
         start: &InitialCondition,
@@ -230,7 +234,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         Self::with_parameters(scene, start, law, parameters(scene), comm)
     }
 
-    /// `new` with a setting of one's own.
+    /// `new` with other body parameters than those of the scene.
     pub fn with_parameters(
         scene: &Scene,
         start: &InitialCondition,
@@ -259,7 +263,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             counts: Counts { rhs, ..Counts::default() },
             ..Simulation::at_rest(scene, comm, dynamics, norm, control, scale)
         };
-        // A start that cannot be continued is told before any output is created.
+        // An initial condition that cannot be continued is reported before any output is created.
         if simulation.start_is_broken() {
             return Err(simulation.unbearable_start());
         }
@@ -270,7 +274,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         Ok(simulation)
     }
 
-    /// A run in which nothing has happened, of no particles.
+    /// A run without particles, before its first step.
     fn at_rest(
         scene: &Scene,
         comm: &'c dyn Comm,
@@ -317,22 +321,22 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         &self.dynamics
     }
 
-    /// The equations of motion, to evaluate them at will.
+    /// The equations of motion, for evaluations outside of the run.
     pub fn dynamics_mut(&mut self) -> &mut Dynamics<'c, R, T, W> {
         &mut self.dynamics
     }
 
-    /// From now on asks `outside`, on every rank once a trial step, what it wishes.
+    /// From now on calls `interrupts` once a trial step, on every rank, for stop requests.
     pub fn listen_to(&mut self, interrupts: &'c dyn Fn() -> StopRequest) {
         self.dynamics.listen_to(interrupts);
     }
 
-    /// Last accepted state of the owned particles, by id.
+    /// Last accepted state of the owned particles, in the order of the ids of `dynamics`.
     pub fn state(&self) -> &[Motion<W>] {
         &self.step_start.y
     }
 
-    /// Runs to the end of the scene, or until the world outside stops it, and hands every frame to `observer`.
+    /// Runs to the end of the scene, or until a stop request, and passes every frame to `observer`.
     /// Collective.
     pub fn run(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
         if self.frame == 0 {
@@ -352,7 +356,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
                 let due = self.frame_time(self.frame);
                 let share = (due - self.step_start.t) / step.h;
                 let Some((state, dissipated)) = self.frame_inside(share, step.h) else {
-                    // Rare: the same step again, with fresh lists.
+                    // Rare: repeat the step with new lists.
                     self.dynamics.rebuild(&mut self.step_start)?;
                     (self.h, self.limit) = (step.h, step.limit);
                     continue 'steps;
@@ -388,7 +392,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         }
     }
 
-    /// The run is at the end of the scene. Collective.
+    /// Ends the run at the end of the scene. Collective.
     fn end(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
         if self.checkpoints {
             self.save(observer)?;
@@ -396,26 +400,28 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         Ok(Outcome { time: self.t_end, stopped: None, ..self.outcome() })
     }
 
-    /// Time of frame `k`: k times the interval, and the end of the scene, s.
+    /// Time of frame `k`, s: k times the interval, or the end of the scene if that is earlier.
     fn frame_time(&self, k: u64) -> f64 {
         let t = k as f64 * self.interval;
         if t < self.t_end - 1e-9 * self.interval { t } else { self.t_end }
     }
 
-    /// A first step at which an Euler step would change the slope by about as much as the state (E. Hairer, S. P. Norsett,
-    /// G. Wanner, Solving ODEs I, II.4), at most the scene's `initial_step`. Collective.
+    /// Chooses the size of the first step, at most the `initial_step` of the scene. Collective.
+    ///
+    /// An Euler step of that size would change the slope by about as much as the state (E. Hairer, S. P.
+    /// Norsett, G. Wanner, Solving ODEs I, II.4).
     fn find_first_step(&mut self) {
         let weights = self.norm.weights;
         let mut slope = [self.step_start.slope.iter().map(|f| f.magnitude(&weights)).fold(0.0, larger)];
         self.comm.max(&mut slope);
-        // One hundredth of what the scales are: a radius, a velocity scale.
+        // The step changes the state by one hundredth of its scales: radius and velocity scale.
         let guess = 0.01 / slope[0];
         if guess < self.h {
             self.h = self.control.clamp(guess);
         }
     }
 
-    /// Tries steps from the last accepted state until one can stand; its result is in `trial`. Collective.
+    /// Tries steps from the last accepted state until one is accepted. Its result is in `trial`. Collective.
     fn find_step(&mut self) -> Result<Step, Error> {
         loop {
             self.counts.rhs +=
@@ -439,7 +445,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             self.remember();
             let outcome = self.attempt(h);
             if !outcome.covered && !self.dynamics.lists_are_fresh() {
-                // Stale lists say nothing about the step: the same again with fresh ones.
+                // Lists that do not cover the step say nothing about it: repeat it with new lists.
                 self.counts.outrun += 1;
                 self.dynamics.rebuild(&mut self.step_start)?;
                 (self.h, self.limit) = (h, limit);
@@ -467,7 +473,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         }
     }
 
-    /// Evaluates contacts up to the gap that suits the method at work; returns whether that changes the slopes.
+    /// Sets the gap up to which contacts are evaluated, for the active method. Returns whether that changes
+    /// the slopes.
     fn choose_cutoff(&mut self) -> bool {
         let stabilised = self.integrator.is_stabilised();
         self.dynamics.evaluate_within(if stabilised { self.cutoff } else { f64::INFINITY })
@@ -481,9 +488,10 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         outcome
     }
 
-    /// The state at a `share` of the accepted step `h` (s), and the energy lost on the way there, J: from inside the step
-    /// if the method knows, else by a step of its own from the last accepted state. None if the lists are too old for
-    /// that. Collective.
+    /// The state at a `share` of the accepted step `h` (s), and the energy lost up to there, J. Collective.
+    ///
+    /// It comes from the dense output if the method has one. If not, a step of its own leads there from the
+    /// last accepted state. None if the lists are too old for that step.
     fn frame_inside(&mut self, share: f64, h: f64) -> Option<(Vec<Motion<W>>, Dissipation)> {
         if self.integrator.has_inside() {
             let state = self.integrator.inside(share, h, &self.step_start, &self.trial)?;
@@ -498,7 +506,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         let step = (std::mem::take(&mut self.trial.next), self.trial.dissipated);
         let outcome = self.attempt(share * h);
         let (state, dissipated) = (std::mem::replace(&mut self.trial.next, step.0), self.trial.dissipated);
-        // The slope at the end of the step was not put aside.
+        // The trial of the frame has overwritten the slope at the end of the step.
         (self.trial.dissipated, self.trial.slope_known) = (step.1, false);
         if !outcome.covered && !self.dynamics.lists_are_fresh() {
             return None;
@@ -506,8 +514,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         if outcome.covered && outcome.error < f64::INFINITY {
             return Some((state, dissipated));
         }
-        // The frame's stages meet something that those of the step did not, such as two centres that pass through each
-        // other at this very moment: the parabola through the start, its slope and the result of the step is finite.
+        // The stages of this frame meet something that the stages of the step did not meet, such as two
+        // centres that pass through each other at this moment. Take the parabola through the start, its slope
+        // and the result: it is finite.
         let ends = self.step_start.y.iter().zip(&self.step_start.slope).zip(&self.trial.next);
         let state = ends.map(|((y, slope), result)| {
             let mut bend = *result;
@@ -521,7 +530,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         Some((state.collect(), self.trial.dissipated.map(|dissipated| share * dissipated)))
     }
 
-    /// The trial stands and ends at time `t` (s); `limit` decided its size.
+    /// Accepts the trial, which ends at time `t` (s). `limit` decided its size.
     fn accept(&mut self, t: f64, limit: Limit) {
         let (step_start, trial) = (&mut self.step_start, &mut self.trial);
         std::mem::swap(&mut step_start.y, &mut trial.next);
@@ -533,8 +542,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         self.integrator.accepted(self.last, limit);
     }
 
-    /// Counts a step that stands, and ends the run when those that stand only because they are the smallest prevail.
-    /// Collective.
+    /// Counts an accepted step. Ends the run if too many steps are accepted only because steps cannot be
+    /// smaller. Collective.
     fn count(&mut self, Step { h, forced, limit }: Step) -> Result<(), Error> {
         self.last = h;
         self.counts.accepted += 1;
@@ -559,7 +568,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     }
 }
 
-/// What acts on the particles beside their contacts.
+/// What acts on the particles besides their contacts.
 fn parameters(scene: &Scene) -> BodyParameters {
     let r = scene.particles.radius;
     BodyParameters {
@@ -570,7 +579,7 @@ fn parameters(scene: &Scene) -> BodyParameters {
     }
 }
 
-/// How errors are measured and steps sized, for velocities compared with `scale` (m/s).
+/// How errors are measured and step sizes chosen. Velocities are compared with `scale` (m/s).
 fn error_control(scene: &Scene, scale: f64) -> (Norm, StepControl) {
     let (solver, r) = (&scene.solver, scene.particles.radius);
     let paper = solver.norm == NormName::Paper;
@@ -587,16 +596,20 @@ fn error_control(scene: &Scene, scale: f64) -> (Norm, StepControl) {
     (norm, control)
 }
 
-/// State vectors that the methods of the scene need at most.
+/// Largest number of state vectors that the methods of the scene use.
 pub fn state_vectors(scene: &Scene) -> usize {
-    /// What a method needs does not depend on the problem.
+    /// The number does not depend on the problem.
     type Problem = Dynamics<'static, Elastic, Frictionless, Locked>;
     Integrator::<Problem>::new(scene.solver.method, auto_plan(scene)).vectors()
 }
 
-/// How `auto` begins. Friction is stiff and not very smooth: Merson's method is accurate wherever it is stable and takes
-/// the first impacts, whose errors grow most. Without friction the motion is smooth and mostly not stiff: there the
-/// method of Dormand and Prince is cheaper. Either gives way to the stabilised method where that one takes less work.
+/// How `auto` starts. It switches to the stabilised method where that needs less work.
+///
+/// With friction the motion is stiff and not very smooth. Merson's method is accurate wherever it is stable,
+/// and takes the first impacts, whose errors grow most.
+///
+/// Without friction the motion is smooth and mostly not stiff: there the method of Dormand and Prince is
+/// cheaper.
 fn auto_plan(scene: &Scene) -> AutoPlan {
     let Effects { variant, dissipative } = Effects::of(scene);
     if variant == Variant::Basic {
@@ -607,8 +620,9 @@ fn auto_plan(scene: &Scene) -> AutoPlan {
     }
 }
 
-/// By how much `auto` tightens the tolerance where the motion is smooth: there two more digits cost about twice the work,
-/// and without damping errors grow.
+/// Factor by which `auto` tightens the tolerance where the motion is smooth.
+///
+/// There two more digits cost about twice the work, and without damping errors grow.
 pub fn tightening(scene: &Scene) -> f64 {
     let smooth = Effects::of(scene).variant == Variant::Basic;
     if smooth && scene.solver.method == MethodName::Auto { 0.01 } else { 1.0 }

@@ -1,4 +1,4 @@
-//! What the observer gets to see of a run: frames, checkpoints, and how it ended.
+//! What the observer of a run receives: frames and checkpoints; and the outcome of the run.
 
 use super::{Counts, Frame, Observer, Outcome, Simulation, Snapshot};
 use crate::domain::rows::{self, ById};
@@ -9,10 +9,10 @@ use crate::ode::Dissipation;
 use std::time::Instant;
 
 impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
-    /// Writes a checkpoint where one is due or wished for. Returns whether the run is to stop there. Collective.
+    /// Writes a checkpoint if one is due or requested. Returns whether the run must stop there. Collective.
     pub(super) fn save_if_asked(&mut self, observer: &mut dyn Observer<W>) -> Result<bool, Error> {
         let request = match self.dynamics.request() {
-            // A process that stopped before its first step, part after part, would never come to an end.
+            // Every process takes at least one step. If not, a run in several parts might never finish.
             StopRequest::WallLimit | StopRequest::StopFile if !self.moved_on => StopRequest::Nothing,
             request => request,
         };
@@ -23,7 +23,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         Ok(request.stops())
     }
 
-    /// Hands the run as it was before the last trial to `observer`. Collective.
+    /// Passes a checkpoint to `observer`: the run as it was before the last trial. Collective.
     pub(super) fn save(&mut self, observer: &mut dyn Observer<W>) -> Result<(), Error> {
         let Some(mut memory) = self.memory else { return Ok(()) };
         let clock = Instant::now();
@@ -43,7 +43,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         Ok(())
     }
 
-    /// Hands the result of the trial, at time `t` (s), to the observer. Collective.
+    /// Passes the result of the trial, at time `t` (s), to the observer as a frame. Collective.
     pub(super) fn show_result(&mut self, t: f64, observer: &mut dyn Observer<W>) -> Result<(), Error> {
         let state = std::mem::take(&mut self.trial.next);
         let dissipated = [0, 1].map(|k| self.dissipated[k] + self.trial.dissipated[k]);
@@ -52,7 +52,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         Ok(())
     }
 
-    /// Hands the state at time `t` (s) to the observer. Collective.
+    /// Passes the state at time `t` (s) to the observer as a frame. Collective.
     pub(super) fn show(
         &mut self,
         t: f64,

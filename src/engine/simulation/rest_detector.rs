@@ -1,7 +1,7 @@
-//! Whether a bed has come to rest, as `[stop]` of the scene defines it.
+//! The rest detector: decides whether a bed has come to rest, as `[stop]` of the scene defines it.
 //!
-//! Looked at in states that stand, about ten times a window of simulated time, so that no bit of the motion depends on it: a
-//! criterion is met when it has held in every such state for a whole window.
+//! It checks accepted states only, about ten times per `stop.window` of simulated time, so that it changes no
+//! bit of the motion. A criterion is met when it has held in every check during a whole window.
 
 use super::Simulation;
 use crate::model::contact::{Rebound, Tangential};
@@ -10,19 +10,19 @@ use crate::ode::Ivp;
 use crate::scene::Stop;
 use serde::{Deserialize, Serialize};
 
-/// Looks at a bed in a window.
+/// Number of checks per window.
 const LOOKS: f64 = 10.0;
-/// The criteria, by the names of their keys.
+/// The criteria, named by their keys.
 const CRITERIA: [&str; 3] = ["stop.kinetic_energy", "stop.unbalanced_force", "stop.height_change"];
 
-/// What was seen so far.
+/// State of the rest detector.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Watched {
-    /// Time of the next look, s.
+    /// Time of the next check, s.
     next: f64,
-    /// Since when each criterion has held, s.
+    /// Time since which each criterion has held, s.
     since: [Option<f64>; 3],
-    /// Least and largest height since the third one has held, m.
+    /// Smallest and largest height since the third criterion has held, m.
     heights: [f64; 2],
 }
 
@@ -32,19 +32,19 @@ impl Default for Watched {
     }
 }
 
-/// What a bed looks like.
+/// What the detector measures in one check.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Look {
-    /// Kinetic energy of a particle, J.
+    /// Mean kinetic energy of a particle, J.
     kinetic_energy: f64,
-    /// Sum of the forces that accelerate particles over that of the forces in contacts and of the weights.
+    /// Sum of the net forces on particles over the sum of the contact forces and weights.
     unbalanced_force: f64,
     /// Height of the bed, m.
     height: f64,
 }
 
 impl Watched {
-    /// Takes `look` at time `t` (s) into account; returns the first criterion that is met.
+    /// Takes the measures `look` at time `t` (s) into account. Returns the first criterion that is met.
     fn see(&mut self, stop: &Stop, t: f64, look: &Look) -> Option<&'static str> {
         self.next = t + stop.window / LOOKS;
         let [low, high] = [self.heights[0].min(look.height), self.heights[1].max(look.height)];
@@ -59,19 +59,21 @@ impl Watched {
         for (since, holds) in self.since.iter_mut().zip(holds) {
             *since = if holds { since.or(Some(t)) } else { None };
         }
-        // The range of heights begins anew with the height that broke it.
+        // The range of heights starts again with the height that broke it.
         if stop.height_change.is_some() && self.since[2].is_none() {
             self.since[2] = Some(t);
         }
-        // A rounding error short of a window is one.
+        // A window that is short by a rounding error counts as complete.
         let met = |since: &Option<f64>| since.is_some_and(|since| t - since >= stop.window * (1.0 - 1e-9));
         self.since.iter().position(met).map(|k| CRITERIA[k])
     }
 }
 
 impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
-    /// The criterion by which the bed is at rest at the end of the trial, time `t` (s), if it is. What is remembered for a
-    /// checkpoint was remembered before: who takes it up looks again. Collective.
+    /// The criterion by which the bed is at rest at the end of the trial, at time `t` (s), if any.
+    /// Collective.
+    ///
+    /// The memory for a checkpoint was stored before this check, so a resumed run repeats the check.
     pub(super) fn at_rest_by(&mut self, t: f64) -> Option<&'static str> {
         if t < self.watched.next {
             return None;
@@ -83,12 +85,13 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
         self.watched.see(&stop, t, &look)
     }
 
-    /// Looks at the particles; what no criterion needs is not worked out. Collective.
+    /// Measures the particles; leaves out what no criterion needs. Collective.
     fn look(&mut self, stop: &Stop, t: f64, state: &[Motion<W>]) -> Look {
         let count = self.dynamics.count() as f64;
         let kinetic_energy = stop.kinetic_energy.map(|_| self.dynamics.kinetic_energy(state) / count);
         let unbalanced_force = stop.unbalanced_force.map(|_| {
-            // The slope at the end of the trial, if it is known, may be one of older lists, and is needed as it is.
+            // The slope needs a vector of its own. That of the trial, where it is known, may come from older
+            // lists, and the next step needs it unchanged.
             let mut slope = vec![crate::ode::Linear::zero(); state.len()];
             self.dynamics.rhs(t, state, &mut slope);
             self.counts.rhs += 1;
@@ -110,7 +113,7 @@ mod tests {
         Stop { kinetic_energy, unbalanced_force, height_change, window: 1.0 }
     }
 
-    /// The time at which `stop` ends a run that looks like `of` at every time, and why.
+    /// Time at which `stop` ends a run with the measures `of(t)`, and the criterion.
     fn ends(stop: &Stop, of: impl Fn(f64) -> [f64; 3]) -> Option<(f64, &'static str)> {
         let mut watched = Watched::default();
         (0..1000).map(|k| 0.01 * f64::from(k)).find_map(|t| {
@@ -129,7 +132,7 @@ mod tests {
         assert_eq!(ends(&slow, |_| [1e-2, 0.0, 0.0]), None);
         let (t, by) = ends(&slow, |t| [if t < 2.0 { 1.0 } else { 1e-4 }, 0.0, 0.0]).unwrap();
         assert!((3.0..3.2).contains(&t) && by == "stop.kinetic_energy", "{t} {by}");
-        // A bump in between begins the window anew.
+        // A bump in between restarts the window.
         let (t, _) =
             ends(&slow, |t| [if t < 2.0 || (2.5..2.65).contains(&t) { 1.0 } else { 0.0 }, 0.0, 0.0]).unwrap();
         assert!((3.6..3.9).contains(&t), "{t}");
@@ -146,9 +149,9 @@ mod tests {
     fn a_height_that_creeps_is_a_change() {
         let still = stop(None, None, Some(0.01));
         assert_eq!(ends(&still, |t| [0.0, 0.0, 0.1 * t]), None);
-        // 0.005 m in a window.
+        // The height rises by 0.005 m per window.
         assert!(ends(&still, |t| [0.0, 0.0, 0.005 * t]).unwrap().0 < 1.2);
-        // To and fro by more, and then at rest.
+        // The height swings by more, and then rests.
         let (t, _) = ends(&still, |t| [0.0, 0.0, if t < 4.0 { (7.0 * t).sin() } else { 0.5 }]).unwrap();
         assert!((5.0..5.3).contains(&t), "{t}");
     }

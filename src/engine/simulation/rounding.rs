@@ -1,4 +1,4 @@
-//! Whether a tolerance is below what the numbers of the state can hold.
+//! Refuses a tolerance that is finer than the numbers of the state can resolve.
 
 use super::Simulation;
 use crate::error::Error;
@@ -7,7 +7,7 @@ use crate::model::contact::{Rebound, Tangential};
 use crate::model::particle::{Motion, Spin};
 use crate::ode::{Linear, Norm};
 
-/// A step adds up a handful of changes: its result is rounded by so many units in the last place.
+/// Rounding errors of a step, in units in the last place: its result is a sum of a handful of changes.
 const ROUNDINGS: f64 = 10.0;
 
 impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
@@ -21,15 +21,17 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
     }
 }
 
-/// A tolerance that rounding alone exceeds: the error estimate, which shrinks with the step, would be met by steps so small
-/// that they never end. Errors that are rates see their own rounding, in the slope.
+/// Refuses a tolerance that is smaller than the rounding error of the state.
+///
+/// The error estimate shrinks with the step, so it could only be met by steps so small that the run never
+/// ends. An error rate contains the rounding of the slopes, so it needs no check.
 fn check(norm: &Norm, tolerance: f64, tightening: f64, largest: f64, i: u64) -> Result<(), Error> {
     let rounding = ROUNDINGS * f64::EPSILON * largest;
     if norm.rate || tolerance >= rounding {
         return Ok(());
     }
     let enough = rounding / tightening;
-    // Two digits, rounded up, so that the number printed is enough.
+    // Two digits, rounded up, so that the printed number is large enough.
     let unit = 10f64.powf(enough.log10().floor() - 1.0);
     Err(Error::Rounding {
         tolerance: tolerance / tightening,
@@ -56,7 +58,7 @@ mod tests {
             why.to_string().contains("particle 7") && why.to_string().contains("9.4e-14 or more"),
             "{why}"
         );
-        // A hundredth in effect.
+        // The tolerance is tightened to a hundredth.
         let why = check(&scaled, 9e-14, 0.01, 42.0, 7).unwrap_err().to_string();
         assert!(why.contains("9.4e-12 or more"), "{why}");
         let rate = Norm { weights: Weights::MIXED, rate: true };

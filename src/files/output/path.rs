@@ -73,7 +73,7 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
     {
         return refuse(format!(
             "the run needs about {}, but {} has {} free; free some space, choose another place or a larger \
-            output.interval",
+             output.interval",
             digits::bytes(estimated_bytes),
             folder.display(),
             digits::bytes(free.saturating_add(reclaimed))

@@ -1,5 +1,4 @@
-//! The CSV file of the initial condition. Its first line names the columns; then there is a row for each
-//! particle.
+//! The CSV file of the initial condition: its first line names the columns, each further row is a particle.
 
 use std::fs::File;
 use std::io::Read;

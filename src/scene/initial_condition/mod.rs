@@ -1,5 +1,4 @@
-//! The initial condition: from a CSV file or the paper's randomly perturbed grid. Checks that it fits the
-//! walls.
+//! The initial condition: from a CSV file or the paper's randomly perturbed grid; and whether it is valid.
 
 mod file;
 
@@ -26,8 +25,8 @@ pub struct InitialCondition {
 
 /// The randomly perturbed grid of Fig. 4.2a, at rest. A pure function: it gives the same on every rank.
 ///
-/// Cells are filled along x, then y, then z. A centre is that of its cell plus a random shift in `[0,
-/// jitter)` along each axis. Shifts are drawn in id order.
+/// Cells are filled along x, then y, then z. The centre of a particle is that of its cell, plus a
+/// random shift in `0..jitter` along each axis. Shifts are drawn in id order.
 ///
 /// The scene must have a seed ([`Scene::set_seed_if_missing`]), and a box that is finite in x and y with room
 /// for a cell ([`Scene::parse`] checks that).
