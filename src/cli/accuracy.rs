@@ -40,7 +40,7 @@ pub struct AccuracyArgs {
     /// Scene file, TOML in SI units
     pub scene: PathBuf,
 
-    /// Folder for tables and figures [default: NAME-accuracy of NAME.toml, in the working folder]
+    /// Folder for tables and figures [default: NAME-accuracy for NAME.toml, in the working folder]
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
 

@@ -69,7 +69,7 @@ pub struct EnsembleArgs {
     #[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
     pub region: RegionArgs,
 
-    /// Folder for tables and figures [default: NAME-ensemble of the first scene, in the working folder]
+    /// Folder for tables and figures [default: NAME-ensemble for the first scene, in the working folder]
     #[arg(short, long, alias = "out", value_name = "DIR")]
     pub output: Option<PathBuf>,
 

@@ -419,8 +419,8 @@ mod tests {
 
     #[test]
     fn memory_is_counted_for_the_method_that_will_run() {
-        // Every method needs state and slope at both ends of a step. Tables of stages need further slopes. The
-        // Chebyshev method needs two changes of the state and a direction.
+        // Every method needs state and slope at both ends of a step. Tables of stages need further slopes.
+        // The Chebyshev method needs two changes of the state and a direction.
         let of = |method: &str| {
             let step = if method == "velocity-verlet" { "step = 1e-5" } else { "" };
             scene_with_solver(&format!("method = '{method}'\n{step}"))

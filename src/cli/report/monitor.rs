@@ -37,8 +37,8 @@ pub struct Monitor {
 impl Monitor {
     /// A monitor for a scene with the particles `start`.
     ///
-    /// Particles can leave along an axis where no wall stands and gravity does not pull them back. If there
-    /// is no wall at all, there is no container to leave.
+    /// Particles can leave along an axis that no wall blocks and along which gravity does not pull them back.
+    /// If there is no wall at all, there is no container to leave.
     pub fn new(scene: &Scene, start: &InitialCondition) -> Self {
         let walls = walls(&scene.container);
         let gravity = Vec3::from(scene.gravity);

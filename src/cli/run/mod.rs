@@ -103,7 +103,7 @@ struct Ground<'a> {
     started: Instant,
 }
 
-/// Runs the scene `path`, or prints what it would do; `tell` prints warnings. Collective.
+/// Runs the scene `path`, or prints its plan if this is a dry run; `tell` prints warnings. Collective.
 fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), Error> {
     let Ground { args, comm, threads, .. } = *ground;
     let (scene, start) = load_for_output(args, path, comm)?;
