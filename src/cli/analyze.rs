@@ -17,9 +17,8 @@ pub struct AnalyzeArgs {
     /// Output file of a run
     pub run: PathBuf,
 
-    /// Folder for tables (CSV), figures (SVG), summary.json and report.html
-    ///
-    /// [default: NAME-analysis for NAME.vtkhdf, in the working folder]
+    /// Folder for tables (CSV), figures (SVG), summary.json and report.html [default: NAME-analysis for
+    /// NAME.vtkhdf, in the working folder]
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
 

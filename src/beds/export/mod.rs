@@ -113,8 +113,9 @@ impl FrameData<'_> {
         self.state.x.iter().map(|&x| x.into()).collect()
     }
 
-    /// A box that contains all centres, as its lower and upper corner, m. It is the container's box if that
-    /// suffices.
+    /// A box that contains all centres, as its lower and upper corner, m.
+    ///
+    /// It is the container's box if that contains all centres.
     fn cell(&self) -> (Vec3, Vec3) {
         let x = self.centres();
         let r = self.radius();
@@ -198,8 +199,7 @@ fn image(options: &Options, frame: &FrameData) -> Result<raw::Image, Error> {
     raw::Image::of(frame, options.resolution.unwrap_or(RESOLUTION), options.ones.unwrap_or(Phase::Solid))
 }
 
-/// Writes a vector with the fewest digits that read back as the same doubles. `separator` goes before each
-/// component.
+/// Writes the components, each after `separator`, with the fewest digits that read back as the same doubles.
 fn vector(out: &mut dyn Write, vector: &[f64; 3], separator: &str) -> io::Result<()> {
     vector.iter().try_for_each(|number| write!(out, "{separator}{number:?}"))
 }

@@ -1,5 +1,4 @@
-//! Surfaces as binary STL. Each sphere is an icosahedron whose triangles are divided and projected onto the
-//! sphere.
+//! Surfaces as binary STL. A sphere is an icosahedron with divided triangles, projected onto the sphere.
 
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -8,8 +7,9 @@ use super::FrameData;
 use crate::error::Error;
 use crate::math::vector::Vec3;
 
-/// Triangles of the unit sphere: the corners, and three indices for each triangle, counter-clockwise from
-/// outside.
+/// Triangles of the unit sphere: the corners, and three indices for each triangle.
+///
+/// The corners of a triangle are counter-clockwise from outside.
 struct Mesh {
     corners: Vec<Vec3>,
     triangles: Vec<[usize; 3]>,

@@ -94,8 +94,9 @@ impl Lines {
     }
 }
 
-/// Mean number of other spheres of radius `r` (m) that a sphere touches, for the centres `x` (m); 0 without
-/// spheres.
+/// Mean number of other spheres of radius `r` (m) that a sphere touches; 0 without spheres.
+///
+/// `x` are the centres (m).
 ///
 /// Surfaces touch if their gap is not positive. This is a convention: the soft contact law also repels across
 /// a gap, and the repulsion at a gap of 0 is F_0.
@@ -109,8 +110,9 @@ pub fn mean_coordination_number(x: &[Vec3], r: f64) -> f64 {
     2.0 * lists.pairs() as f64 / x.len() as f64
 }
 
-/// The box in which the density of the bed is measured, as its lower and upper corner (m). `x` are the
-/// centres (m).
+/// The box in which the density of the bed is measured, as its lower and upper corner (m).
+///
+/// `x` are the centres (m).
 ///
 /// It stands on the base of `container.box`, and its height is the shorter side of the base.
 ///
@@ -145,8 +147,7 @@ mod tests {
 
     const R: f64 = 0.1;
     const SPHERE: f64 = 4.0 / 3.0 * PI * R * R * R;
-    /// In a lattice all spheres can have the same position relative to the columns, and errors add up to
-    /// 1.2e-5.
+    /// In a lattice all spheres can have the same position on the columns, and errors add up to 1.2e-5.
     const ALIGNED: f64 = 2e-5;
     /// For 2000 random positions of one sphere, the largest error was 1.1e-4 of its volume.
     const ONE_SPHERE: f64 = 1.5e-4 * SPHERE;

@@ -18,8 +18,7 @@ pub enum Partner {
 
 /// Two surfaces that touch, because their gap is not positive.
 ///
-/// This is a convention: the soft contact law also repels across a gap, and the repulsion at a gap of 0 is
-/// F_0.
+/// This is a convention: the soft contact law also repels across a gap. At a gap of 0 the repulsion is F_0.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// Id of the sphere.
@@ -88,8 +87,7 @@ pub fn fewest_that_hold(scene: &Scene) -> usize {
     4 - gravity - rubs
 }
 
-/// Whether each sphere is a rattler: it has fewer contacts than `fewest`, not counting contacts with
-/// rattlers.
+/// Whether each sphere is a rattler: it has fewer than `fewest` contacts, not counting those with rattlers.
 pub fn rattlers(count: usize, contacts: &[Contact], fewest: usize) -> Vec<bool> {
     let mut partners = vec![Vec::new(); count];
     let mut numbers = vec![0usize; count];

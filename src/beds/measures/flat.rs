@@ -103,8 +103,7 @@ impl Flat {
             for (_, &(its_n, its_b)) in self.halves.iter().enumerate().filter(|&(l, _)| l != k) {
                 let (slope, room) = (dot(its_n, m), its_b - b * dot(its_n, n));
                 if slope.abs() < 1e-14 {
-                    // The lines are parallel. This one is either outside the other half-plane or not cut by
-                    // it.
+                    // The lines are parallel. This one is outside the other half-plane, or entirely inside.
                     to = if room < 0.0 { f64::NEG_INFINITY } else { to };
                 } else if slope > 0.0 {
                     to = to.min(room / slope);

@@ -15,8 +15,7 @@ use crate::math::vector::Vec3;
 /// Cells along each side of the paper's counting grid.
 const CELLS: usize = 100;
 
-/// Volume fraction of solids in the unit cube [0, 1]^3, counted like the program of the paper does (Fig.
-/// 4.3).
+/// Volume fraction of solids in the unit cube [0, 1]^3, counted like the program of the paper (Fig. 4.3).
 ///
 /// A sphere of radius `r` (m) scores one hit for each cell of a 100^3 grid whose centre it covers. Overlaps
 /// count twice, so the fraction of the union, [`bed::union_volume_fraction`], is smaller.

@@ -51,8 +51,7 @@ impl RegionChoice {
     }
 }
 
-/// The smallest box around spheres of radius `r` (m) with the centres `x` (m), as its lower and upper corner,
-/// m.
+/// The smallest box around spheres of radius `r` (m) with the centres `x` (m), as its two corners, m.
 ///
 /// Without spheres it is the box around one sphere at the origin.
 pub fn extent(x: &[Vec3], r: f64) -> (Vec3, Vec3) {

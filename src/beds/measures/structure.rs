@@ -1,5 +1,4 @@
-//! Functions of a distance: the radial distribution, and the porosity over height and over distance to the
-//! walls.
+//! Functions of a distance: radial distribution, and porosity over height and over distance to the walls.
 
 use super::union::{Region, Spheres, for_each_pair};
 use crate::math::vector::Vec3;

@@ -2,8 +2,7 @@
 
 use crate::scene::Scene;
 
-/// Spheres of radius 0.1 m with the contacts of Tab. 4.2 of the paper. `more` has further top-level keys, one
-/// on each line.
+/// Spheres of radius 0.1 m with the contacts of Tab. 4.2 of the paper. `more` has more top-level keys.
 pub fn scene(more: &str) -> Scene {
     let text = format!(
         "t_end = 8

@@ -1,8 +1,8 @@
 //! The volume of the union of equal spheres inside a box or a cylinder, accurate to almost all digits.
 //!
 //! A point inside several spheres belongs to the one with the nearest centre. The part of a sphere is
-//! therefore a ball that half-spaces cut: the planes half-way to the spheres that it overlaps, and the bounds
-//! of the region.
+//! therefore a ball that half-spaces cut. Their planes are half-way to the spheres that it overlaps, or
+//! bounds of the region.
 //!
 //! If no two cuts meet inside the ball, it only loses spherical caps. Otherwise the areas of its horizontal
 //! sections are integrated by Gauss's rule, between the heights at which their shape changes. These areas are
@@ -200,11 +200,9 @@ impl<'a> Spheres<'a> {
     }
 }
 
-/// Drops half-spaces that have no effect on a ball at `x` (m), because the other ones cut off their whole
-/// plane.
+/// Drops the half-spaces that have no effect on a ball at `x` (m): the other ones cut off their whole plane.
 ///
-/// All half-spaces must contain the centre of the ball. Where many spheres overlap, most half-spaces have no
-/// effect.
+/// All half-spaces must contain the centre of the ball. If many spheres overlap, most of them have no effect.
 fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
     let local = |half: &Half| half.b - half.n.dot(x);
     halves.sort_by(|a, b| local(a).total_cmp(&local(b)));
@@ -220,8 +218,7 @@ fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
         }
         flat.area() <= 1e-13 * r * r
     };
-    // The nearest planes cut off most of the others, so take them first. Then drop those that later ones cut
-    // off.
+    // The nearest planes cut off most others, so take them first. Then drop those that later ones cut off.
     let mut kept: Vec<Half> = Vec::new();
     for half in halves.iter() {
         if !idle(half, &mut kept.iter()) {
@@ -237,8 +234,7 @@ fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
     *halves = kept;
 }
 
-/// Calls `visit` for every pair of centres within `reach` (m) of each other, in an order that depends on `x`
-/// alone.
+/// Calls `visit` for every pair of centres within `reach` (m) of each other. The order depends on `x` alone.
 pub fn for_each_pair(x: &[Vec3], reach: f64, visit: impl FnMut([usize; 2])) {
     let keys: Vec<Key> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();

@@ -1,5 +1,4 @@
-//! The camera: its position, from which all spheres are visible, and the ray through each point of the
-//! picture.
+//! The camera: its position, from which all spheres are visible, and the ray through a point of the picture.
 
 use crate::error::Error;
 use crate::math::vector::Vec3;
@@ -128,8 +127,7 @@ impl Camera {
             self.right * shift[0] + self.up * shift[1] + self.forward * (nearest.min(0.0) - size);
     }
 
-    /// Fits the distance: the camera moves as near as possible while all balls are in the frame at the usual
-    /// angle.
+    /// Fits the distance: the shortest one at which all balls are in the frame at the usual angle.
     ///
     /// If `may_shift`, the camera may also move sideways. A ball is in the frame if it is inside the plane
     /// through the camera and each side of the frame, by at least its radius.
@@ -217,8 +215,7 @@ impl Camera {
         let sides = |axis: usize| match self.projection {
             Projection::Orthographic => [x[axis] - r, x[axis] + r].map(|side| side * self.scale),
             Projection::Perspective => {
-                // The projection of the ball onto the plane of this axis and depth is a disc. Find the rays
-                // that touch it.
+                // In the plane of this axis and depth the ball is a disc. Find the rays that touch it.
                 let away = x.z.hypot(x[axis]);
                 if x.z <= *r || away <= *r {
                     return [f64::NEG_INFINITY, f64::INFINITY];

@@ -146,8 +146,7 @@ impl<'a> Stage<'a> {
     fn tiles(&self, size: Size, across: usize) -> Vec<Tile> {
         let down = size.height.div_ceil(TILE);
         let mut tiles = vec![Tile::default(); across * down];
-        // Columns or rows of the tiles that contain the pixels from `low` to `high`, and two pixels more on
-        // each side.
+        // Columns or rows of the tiles with the pixels from `low` to `high`, and two pixels on each side.
         let span = |low: f64, high: f64, count: usize| {
             let tile = |pixel: f64| (pixel / TILE as f64).floor().clamp(-1.0, count as f64);
             let (first, last) = (tile(low - 2.0).max(0.0), tile(high + 2.0).min(count as f64 - 1.0));
@@ -306,8 +305,7 @@ impl Line {
         Some(Line { edge: *edge, ends: at.map(|x| camera.pixel(&x)), depths, shares, weights })
     }
 
-    /// How strongly the line covers a point of the picture, 0 to 1. The object behind the line is at `depth`
-    /// (m).
+    /// How strongly the line covers a point of the picture, 0 to 1. The object behind it is at `depth` (m).
     fn strength(&self, column: f64, row: f64, half_width: f64, depth: f64) -> f64 {
         let [[x0, y0], [x1, y1]] = self.ends;
         let (dx, dy) = (x1 - x0, y1 - y0);
@@ -329,8 +327,7 @@ impl Line {
 
 /// For every centre, the other centres within `reach` (m), by ascending id.
 ///
-/// The neighbours of i are entries `starts[i]` to `starts[i + 1]` of the second list; `starts` is the first
-/// one.
+/// In the second list, entries `starts[i]` to `starts[i + 1]` belong to centre i. `starts` is the first list.
 fn neighbours(x: &[Vec3], reach: f64) -> (Vec<u32>, Vec<u32>) {
     let lists = lists(x, reach, &[], 0.0);
     let pairs = || lists.blocks.iter().flat_map(|block| block.first_pairs());

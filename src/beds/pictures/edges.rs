@@ -48,8 +48,7 @@ pub fn edges(walls: &[Wall], sides: Option<&BoxSides>, low: Vec3, high: Vec3) ->
     edges
 }
 
-/// The line that planes `a` and `b` share inside all others. It fades at ends that are cut by planes from
-/// `real` on.
+/// The line that planes `a` and `b` share inside all others. It fades at ends cut by planes from `real` on.
 fn common(planes: &[Wall], a: usize, b: usize, real: usize, fade: f64) -> Option<Edge> {
     let (first, second) = (&planes[a], &planes[b]);
     let along = first.normal.cross(&second.normal);

@@ -10,8 +10,7 @@ pub type Light = [f32; 3];
 /// Distance, in radii, beyond which the centre of a neighbour casts no shadow.
 pub const REACH: f64 = 4.0;
 
-/// Strengths of the key light, the sky and a lamp at the camera, for a surface that faces them without
-/// shadow.
+/// Strengths of the key light, the sky and a lamp at the camera, on a surface that faces them.
 const KEY: f64 = 0.60;
 const SKY: f64 = 0.50;
 const FRONT: f64 = 0.20;

@@ -21,8 +21,8 @@ pub enum Quantity {
     Speed,
     /// Angular speed, rad/s
     Spin,
-    /// Sum of the normal forces of all contacts with spheres and walls, rebound included, N: how hard it is
-    /// squeezed
+    /// Sum of the normal forces of all contacts with spheres and walls, rebound included, N: how hard the
+    /// sphere is squeezed
     Force,
     /// Deepest overlap with a sphere or a wall, m
     Overlap,
@@ -93,8 +93,7 @@ fn law(scene: &Scene) -> Law<Dissipative, Frictionless> {
     }
 }
 
-/// Lists of pairs of centres within `reach` (m) and of walls within `wall_reach` (m) of a centre, in a fixed
-/// order.
+/// Pairs of centres within `reach` (m), and walls within `wall_reach` (m) of a centre, in a fixed order.
 ///
 /// The ids of the centres are their indices in `x`.
 pub fn lists(x: &[Vec3], reach: f64, walls: &[crate::model::wall::Wall], wall_reach: f64) -> Lists {
@@ -138,8 +137,7 @@ mod tests {
     use super::*;
     use crate::beds::measures::testing;
 
-    /// Two spheres of radius 0.1 m. The lower one is 0.01 m deep in the floor, the upper one 0.02 m deep in
-    /// the lower one.
+    /// Two spheres of radius 0.1 m. The lower one overlaps the floor by 0.01 m and the upper one by 0.02 m.
     fn pair() -> (Scene, State) {
         let scene = testing::scene(
             "gravity = [0, 0, -9.81]
@@ -163,8 +161,8 @@ mod tests {
         close(&values(Quantity::Speed), &[0.0, 5.0]);
         close(&values(Quantity::Spin), &[0.0, 2.0]);
         close(&values(Quantity::Overlap), &[0.02, 0.02]);
-        // Eqs. (2.1), (2.4): the floor at rest has the share (1 + e^2)/2, the pair separates at 4 m/s and has
-        // e^2.
+        // Eqs. (2.1), (2.4): the floor is at rest and has the share (1 + e^2)/2.
+        // The pair separates at 4 m/s and has the share e^2.
         let floor = 10.0 * (150.0 * 0.01f64).exp() * (1.0 + 0.16) / 2.0;
         let pair = 10.0 * (150.0 * 0.02f64).exp() * (0.16 + 0.84 / (1.0 + (20.0 * 4.0f64).exp()));
         close(&values(Quantity::Force), &[floor + pair, pair]);

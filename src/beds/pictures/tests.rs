@@ -11,8 +11,7 @@ const WHITE: [u8; 3] = [255; 3];
 const RED: [u8; 3] = [230, 20, 20];
 const BLUE: [u8; 3] = [20, 20, 230];
 
-/// A picture of spheres of radius 1 m from the front (-y), with all of them visible, drawn by `threads`
-/// threads.
+/// A picture of spheres of radius 1 m from the front (-y) that shows all of them, drawn by `threads` threads.
 fn shown(
     projection: Projection,
     spheres: &[(Vec3, [u8; 3])],
@@ -47,8 +46,8 @@ fn a_sphere_covers_pi_r_squared_pixels() {
         let size = Size { width: 700, height: 650 };
         let picture = shown(projection, &[(Vec3::new(3.0, -2.0, 7.0), RED)], &[], size, 1);
         let exact = std::f64::consts::PI * 325.0 * 325.0;
-        // Pixels that the sphere only touches count too. Half of those on the rim are too many, 1/325 of the
-        // area.
+        // Pixels that the sphere only touches count too. Half of those on the rim should not.
+        // They are 1/325 of the area.
         let share = coloured(&picture) as f64 / exact - 1.0;
         assert!(share.abs() < 0.01, "{projection:?}: {share}");
     }

@@ -52,8 +52,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis from the smallest to the largest finite value. If all values are equal, it extends around
-    /// them.
+    /// An axis from the smallest to the largest finite value. If all are equal, it extends to both sides.
     pub fn linear(label: &str, values: impl IntoIterator<Item = f64>) -> Axis {
         let (low, high) = ends(values).unwrap_or((0.0, 1.0));
         let size = low.abs().max(high.abs());

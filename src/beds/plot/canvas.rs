@@ -53,8 +53,7 @@ impl Area {
     }
 }
 
-/// Approximate width of `text` in a common sans-serif font of `size` px. It is rather too large than too
-/// small.
+/// Approximate width of `text` in a common sans-serif font of `size` px. It is rather too large.
 pub fn text_width(text: &str, size: i32) -> i32 {
     (text.chars().count() as f64 * f64::from(size) * 0.6).ceil() as i32
 }

@@ -129,8 +129,7 @@ fn draw(canvas: &Canvas, outer: Area, panel: &Panel, looks: &[Look]) -> Drawn {
     Ok(())
 }
 
-/// Horizontal shift of a bar of group `number` at `x`, px. It keeps bars of several groups at the same x
-/// apart.
+/// Horizontal shift of a bar of group `number` at `x`, px. It keeps the bars of different groups apart.
 fn aside(panel: &Panel, number: usize, x: f64) -> i32 {
     let there = |group: &&Group| group.bars.iter().any(|bar| bar.x == x);
     let before = panel.groups[..number].iter().filter(there).count() as i32;

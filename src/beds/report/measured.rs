@@ -59,8 +59,7 @@ pub struct Measured {
 const FEW: u64 = 7;
 
 impl Measured {
-    /// Measures `state`, the last of the frames that were asked for. `rows` has the rows of the frames before
-    /// it.
+    /// Measures `state`, the last of the frames that were asked for. `rows` has the rows of the earlier ones.
     pub fn of(
         record: &RunFile,
         state: &State,

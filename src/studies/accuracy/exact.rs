@@ -2,8 +2,7 @@
 //!
 //! F is the repulsion of the paper, eq. (2.1), and rho the rebound function, eq. (2.4).
 //!
-//! Nothing here uses the contact law or the integrators of the simulation, so that the comparison is
-//! independent.
+//! Nothing here uses the contact law or the integrators of the simulation. The comparison is independent.
 
 use std::f64::consts::PI;
 use std::num::NonZeroUsize;
@@ -97,8 +96,7 @@ impl Impact {
     pub fn rebound_time(&self, height: f64, g: f64) -> f64 {
         let fall = (2.0 * (height - self.l_max).max(0.0) / g).sqrt();
         let (mut t, mut l, mut v) = (fall, height.min(self.l_max), -g * fall);
-        // Time in which a sphere at rest on the floor swings by one radian, and how long the motion has been
-        // slow, s.
+        // Time in which a sphere at rest on the floor swings by one radian, and time of slow motion, s.
         let (natural, mut slow) = ((g * self.kappa).sqrt().recip(), 0.0);
         while v.is_finite() {
             let piece = Piece::new(self, l, v, g);
@@ -244,8 +242,7 @@ fn slope(coefficients: &[f64], t: f64) -> f64 {
 /// It uses Newton's method, and bisection if a step of Newton's would leave the bracket.
 fn root(mut low: f64, mut high: f64, f: impl Fn(f64) -> (f64, f64)) -> f64 {
     let mut t = high;
-    // 100 bisections are enough for any two numbers of the same sign and size. Newton's method needs fewer
-    // steps.
+    // 100 bisections are enough for any two numbers of the same sign and size. Newton's method needs fewer.
     for _ in 0..100 {
         let (value, slope) = f(t);
         if value > 0.0 {
@@ -320,8 +317,7 @@ mod tests {
 
     #[test]
     fn time_to_the_next_highest_point_has_the_known_values() {
-        // Times in s from the classical Runge-Kutta method, with 80-bit numbers and two extrapolated step
-        // sizes.
+        // Times in s from the classical Runge-Kutta method, with 80-bit numbers, extrapolated over two steps.
         for (kappa, e2, height, exact) in [
             (30.0, 1.0, 16.0, 3.640_515_464_736_821),
             (150.0, 1.0, 16.0, 3.619_071_681_496_032_5),

@@ -53,8 +53,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// The fall of one sphere without friction, from the highest initial centre of the scene onto its lowest
-    /// floor.
+    /// The fall of one sphere without friction, from the highest initial centre of the scene onto a floor.
     pub fn of(scene: &Scene, start: &InitialCondition) -> Setup {
         let (r, g) = (scene.particles.radius, gravity(scene));
         let contact = &scene.contact;
@@ -141,8 +140,9 @@ impl Setup {
         sample
     }
 
-    /// Runs the sphere from the gap `gap` (m) with the rate `v` (m/s). Returns the sample and both final
-    /// values.
+    /// Runs the sphere from the gap `gap` (m) with the rate `v` (m/s).
+    ///
+    /// Returns the sample, the gap at the end (m) and the rate at the end (m/s).
     fn end(&self, mut scene: Scene, gap: f64, v: f64) -> (Sample, f64, f64) {
         scene.output.interval = Some(scene.t_end / FRAMES);
         let r = scene.particles.radius;

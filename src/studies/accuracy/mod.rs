@@ -1,7 +1,6 @@
 //! What accuracy costs: `demhybrid accuracy` runs a scene with several methods and tolerances.
 //!
-//! It compares the results with exact solutions or with its own reference, and reports tables, files and
-//! figures.
+//! It compares results with exact solutions or with its own reference, and writes tables, files and figures.
 
 mod advice;
 mod comparison;

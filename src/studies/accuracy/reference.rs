@@ -14,8 +14,7 @@ use rand_chacha::ChaCha8Rng;
 const METHOD: MethodName = MethodName::DormandPrince;
 /// Tolerances of the reference, most accurate first.
 ///
-/// Two neighbours form a pair: the second one shows the error of the first. If a pair fails, the next one is
-/// used.
+/// Two neighbours form a pair: the second shows the error of the first. If a pair fails, the next serves.
 const TOLERANCES: [f64; 4] = [1e-10, 1e-9, 1e-8, 1e-7];
 /// A reference may take this many times the work of other runs.
 const PATIENCE: u64 = 3;
@@ -58,8 +57,8 @@ impl Separation {
 
 /// End of the search for the time of separation, s.
 ///
-/// It is 1 s, or 1.5 times the time of a fall by `fall` (m) if that is longer, but not beyond the end of the
-/// scene.
+/// It is 1 s, or 1.5 times the time of a fall by `fall` (m) if that is longer. It is never beyond the end of
+/// the scene.
 pub fn horizon(scene: &Scene, fall: Option<f64>) -> f64 {
     let g = gravity(scene);
     let falling = fall.filter(|_| g > 0.0).map_or(0.0, |height| (2.0 * height / g).sqrt());
@@ -159,8 +158,7 @@ pub struct Reference {
     pub rhs_evaluations: u64,
 }
 
-/// Computes the most accurate states possible at t = `time` (s). The error is the reason of the failure.
-/// Collective.
+/// Computes the most accurate states possible at t = `time` (s), or says why that failed. Collective.
 pub fn reference(
     pool: &JobPool,
     scene: &Scene,

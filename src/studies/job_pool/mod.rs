@@ -109,8 +109,7 @@ fn take_turns<J: Sync>(threads: usize, jobs: &[J], work: impl Fn(&J) -> Sample +
         let _stop = StopAtPanic(&next);
         let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread can be started");
         loop {
-            // This cannot overflow. Each thread adds at most one job too many; a panic stores `usize::MAX /
-            // 2`.
+            // This cannot overflow: each thread adds at most one job too many, a panic stores usize::MAX / 2.
             let k = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = jobs.get(k) else { return };
             let sample = alone.install(|| work(job));

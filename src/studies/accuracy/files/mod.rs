@@ -47,8 +47,7 @@ const ASKED_AND_COST: [&str; 11] = [
 
 /// Writes one row for each run: its parameters, its work, its measures and its failure.
 ///
-/// Every measure of any run has a column, which is empty for runs without it. Numbers read back as the same
-/// doubles.
+/// Every measure of any run has a column, which is empty for runs without it. Numbers keep all digits.
 pub fn write_csv(path: &Path, records: &[Record]) -> Result<(), Error> {
     let measures: BTreeSet<&str> =
         records.iter().flat_map(|record| record.measures.keys().map(String::as_str)).collect();

@@ -140,8 +140,9 @@ impl Grid {
         self.lines.push((cells, remark.unwrap_or_default()));
     }
 
-    /// The lines as text. Each column is as wide as its widest cell. Words are aligned to the left, numbers
-    /// to the right.
+    /// The lines as text, with words on the left of their column and numbers on the right.
+    ///
+    /// Each column is as wide as its widest cell.
     ///
     /// A column that is empty below its head is left out.
     fn text(&self) -> String {
