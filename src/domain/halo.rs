@@ -1,9 +1,8 @@
 //! Ghosts: copies of particles of other ranks that owned particles may touch, refreshed at every stage.
 
 use super::{Comm, Parcels};
-use crate::model::particle::{Motion, Spin};
-use crate::ode::Linear;
-use crate::threads::{self, Cut, GRAIN};
+use crate::ode::Rows;
+use crate::threads::{self, GRAIN};
 
 /// The range of a rank's particles along an axis; empty (`low > high`) if it owns none.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,19 +41,6 @@ impl Extent {
     }
 }
 
-/// Numbers in rows of equal width.
-struct Rows<'a> {
-    numbers: &'a mut [f64],
-    width: usize,
-}
-
-impl Cut for Rows<'_> {
-    fn cut(self, at: usize) -> (Self, Self) {
-        let (before, after) = self.numbers.split_at_mut(at * self.width);
-        (Rows { numbers: before, width: self.width }, Rows { numbers: after, width: self.width })
-    }
-}
-
 /// The plan of the ghost exchange: which owned particles go to which ranks, and which ghosts come back.
 ///
 /// Any two ranks may be partners, not only neighbouring ones: slabs may be thinner than the cutoff.
@@ -65,6 +51,10 @@ pub struct Halo {
     outgoing: Parcels,
     incoming: Parcels,
     ghosts: usize,
+    /// Numbers in a row of the state.
+    width: usize,
+    /// Rows that go to, and come from, every rank.
+    counts: [Vec<u64>; 2],
 }
 
 impl Halo {
@@ -85,11 +75,11 @@ impl Halo {
     ///
     /// `ids` and `y` are those of the owned particles, `extents` has one entry for each rank. Returns the ids
     /// of this rank's ghosts, in the order in which `refresh` delivers them.
-    pub fn plan<W: Spin>(
+    pub fn plan(
         &mut self,
         comm: &dyn Comm,
         ids: &[u64],
-        y: &[Motion<W>],
+        (y, width): (&[f64], usize),
         (axis, extents): (usize, &[Extent]),
         cutoff: f64,
     ) -> Vec<u64> {
@@ -97,7 +87,8 @@ impl Halo {
         let mut counts = vec![0; comm.size()];
         for (q, extent) in extents.iter().enumerate().filter(|(q, _)| *q != comm.rank()) {
             let first = self.picks.len();
-            let near = y.iter().enumerate().filter(|(_, body)| extent.is_near(body.x[axis], cutoff));
+            let rows = y.chunks_exact(width).enumerate();
+            let near = rows.filter(|(_, row)| extent.is_near(row[axis], cutoff));
             self.picks.extend(near.map(|(i, _)| i as u32));
             counts[q] = (self.picks.len() - first) as u64;
         }
@@ -111,10 +102,26 @@ impl Halo {
         }
         comm.exchange(&outgoing, &mut incoming);
         let ghost_ids = incoming.data.iter().map(|&id| id as u64).collect();
-        let widen = |count: &u64| count * Motion::<W>::COMPONENTS as u64;
-        self.outgoing = Parcels::with_counts(&counts.iter().map(widen).collect::<Vec<_>>());
-        self.incoming = Parcels::with_counts(&received.iter().map(widen).collect::<Vec<_>>());
+        (self.width, self.counts) = (width, [counts, received]);
+        [self.outgoing, self.incoming] = self.parcels(width);
         ghost_ids
+    }
+
+    /// Parcels to and from all partners for rows of `width` numbers.
+    fn parcels(&self, width: usize) -> [Parcels; 2] {
+        let widen = |counts: &Vec<u64>| counts.iter().map(|count| count * width as u64).collect::<Vec<_>>();
+        self.counts.each_ref().map(|counts| Parcels::with_counts(&widen(counts)))
+    }
+
+    /// Rows of the ghosts in a table of the owned particles that changes only when lists are built: `table`
+    /// has rows of `width` numbers. Collective for partner ranks.
+    pub fn gather(&self, comm: &dyn Comm, table: &[f64], width: usize) -> Vec<f64> {
+        let [mut outgoing, mut incoming] = self.parcels(width);
+        for (slots, &i) in outgoing.data.chunks_exact_mut(width.max(1)).zip(&self.picks) {
+            slots.copy_from_slice(&table[i as usize * width..(i as usize + 1) * width]);
+        }
+        comm.exchange(&outgoing, &mut incoming);
+        incoming.data
     }
 
     /// Whether this rank neither sends nor receives ghosts.
@@ -125,11 +132,11 @@ impl Halo {
     /// Packs the particles that are ghosts on other ranks into parcels.
     ///
     /// `picked(k, i)` returns the state of the owned particle `i`, which is number `k` of [`Self::picks`].
-    pub fn pack<'y, W: Spin>(&mut self, picked: impl Fn(usize, usize) -> &'y Motion<W> + Sync) {
-        let rows = Rows { numbers: &mut self.outgoing.data, width: Motion::<W>::COMPONENTS };
+    pub fn pack<'y>(&mut self, picked: impl Fn(usize, usize) -> &'y [f64] + Sync) {
+        let rows = Rows { numbers: &mut self.outgoing.data, width: self.width };
         let pack = |first: usize, (rows, picks): (Rows, &[u32])| {
             for (k, (slots, &i)) in rows.numbers.chunks_exact_mut(rows.width).zip(picks).enumerate() {
-                picked(first + k, i as usize).pack(slots);
+                slots.copy_from_slice(picked(first + k, i as usize));
             }
         };
         threads::parts(self.picks.len(), GRAIN, (rows, &self.picks[..]), &pack, &|(), ()| ());
@@ -144,24 +151,18 @@ impl Halo {
     }
 
     /// Stores the states that the last exchange received in `ghosts`, one for each ghost.
-    pub fn deliver<W: Spin>(&self, ghosts: &mut [Motion<W>]) {
-        let width = Motion::<W>::COMPONENTS;
-        threads::for_chunks(ghosts, GRAIN, |first, ghosts| {
-            let rows = self.incoming.data[first * width..].chunks_exact(width);
-            ghosts.iter_mut().zip(rows).for_each(|(ghost, slots)| *ghost = Motion::unpack(slots));
+    pub fn deliver(&self, ghosts: &mut [f64]) {
+        threads::for_chunks(ghosts, 8 * GRAIN, |first, ghosts| {
+            ghosts.copy_from_slice(&self.incoming.data[first..first + ghosts.len()]);
         });
     }
 
-    /// Refreshes `ghosts` with the states `y` of their owners. Collective for partner ranks.
-    pub fn refresh<W: Spin>(&mut self, comm: &dyn Comm, y: &[Motion<W>], ghosts: &mut [Motion<W>]) {
-        self.pack(|_, i| &y[i]);
+    /// Updates the ghosts from their owners' states `y`. Collective for partner ranks.
+    pub fn refresh(&mut self, comm: &dyn Comm, y: &[f64], ghosts: &mut [f64]) {
+        let width = self.width;
+        self.pack(|_, i| &y[i * width..(i + 1) * width]);
         self.exchange_during(comm, &mut || ());
         self.deliver(ghosts);
-    }
-
-    /// New storage for the ghosts of this rank.
-    pub fn room<W: Spin>(&self) -> Vec<Motion<W>> {
-        vec![Motion::zero(); self.ghosts]
     }
 }
 
@@ -169,8 +170,6 @@ impl Halo {
 mod tests {
     use super::*;
     use crate::domain::comm::team::team;
-    use crate::math::vector::Vec3;
-    use crate::model::particle::Spinning;
 
     #[test]
     fn an_empty_extent_is_near_nothing() {
@@ -186,38 +185,39 @@ mod tests {
         // away than the next slab.
         for ranks in [1, 2, 4, 5] {
             team(ranks, |comm| {
-                let body = |id: u64| Motion {
-                    x: Vec3::new(id as f64, 0.0, 0.1 * (id % ranks as u64) as f64),
-                    v: Vec3::new(0.0, id as f64, 0.0),
-                    omega: Spinning(Vec3::new(0.0, 0.0, -(id as f64))),
-                };
+                let body = |id: u64| [id as f64, 0.0, 0.1 * (id % ranks as u64) as f64, 0.5, -(id as f64)];
                 let owner = |id: u64| (id % ranks as u64) as usize;
                 let ids: Vec<u64> =
                     (0..40).filter(|&id| owner(id) == comm.rank() && owner(id) != 3).collect();
-                let mut y: Vec<_> = ids.iter().map(|&id| body(id)).collect();
+                let mut y: Vec<f64> = ids.iter().flat_map(|&id| body(id)).collect();
                 let extents: Vec<Extent> = (0..ranks)
                     .map(|q| {
-                        Extent::of((0..40).filter(|&id| owner(id) == q && q != 3).map(|id| body(id).x.z))
+                        Extent::of((0..40).filter(|&id| owner(id) == q && q != 3).map(|id| body(id)[2]))
                     })
                     .collect();
                 let mut halo = Halo::default();
-                let ghost_ids = halo.plan(comm, &ids, &y, (2, &extents), 0.25);
+                let ghost_ids = halo.plan(comm, &ids, (&y, 5), (2, &extents), 0.25);
                 let own_z = 0.1 * comm.rank() as f64;
                 let mut expected: Vec<u64> = (0..40)
                     .filter(|&id| owner(id) != comm.rank() && owner(id) != 3)
-                    .filter(|&id| comm.rank() != 3 && (body(id).x.z - own_z).abs() <= 0.25)
+                    .filter(|&id| comm.rank() != 3 && (body(id)[2] - own_z).abs() <= 0.25)
                     .collect();
                 expected.sort_by_key(|&id| (owner(id), id));
                 assert_eq!(ghost_ids, expected);
                 // A refresh delivers what the owners have changed.
-                y.iter_mut().for_each(|body| body.v.x = 7.0);
-                let mut ghosts = halo.room();
+                let constants: Vec<f64> = ids.iter().flat_map(|&id| [id as f64, 0.5]).collect();
+                y.chunks_exact_mut(5).for_each(|row| row[3] = 7.0);
+                let mut ghosts = vec![0.0; 5 * halo.ghosts()];
                 halo.refresh(comm, &y, &mut ghosts);
-                for (ghost, &id) in ghosts.iter().zip(&ghost_ids) {
+                for (ghost, &id) in ghosts.chunks_exact(5).zip(&ghost_ids) {
                     let mut sent = body(id);
-                    sent.v.x = 7.0;
-                    assert_eq!(*ghost, sent);
+                    sent[3] = 7.0;
+                    assert_eq!(ghost, sent);
                 }
+                // So do columns that travel with the lists alone.
+                let expected: Vec<f64> = ghost_ids.iter().flat_map(|&id| [id as f64, 0.5]).collect();
+                assert_eq!(halo.gather(comm, &constants, 2), expected);
+                assert!(halo.gather(comm, &[], 0).is_empty());
             });
         }
     }

@@ -1,10 +1,10 @@
 //! Migration: particles move to the rank that owns their height. A census finds lost and duplicated ones.
 
 use super::slabs::Slabs;
-use super::{Comm, Parcels};
+use super::{Comm, Parcels, Table};
 use crate::error::Error;
 use crate::math::vector::Vec3;
-use crate::model::particle::{Motion, Spin};
+use crate::model::columns::position;
 
 /// Checksums over the ids of all particles. They are compared after every migration.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,71 +79,59 @@ pub fn scramble(id: u64) -> u64 {
 
 /// Sends each particle to the rank that owns its height. Collective.
 ///
-/// `ids` and the states `y` are those of the owned particles; the positions in `y` decide. Each list of
-/// `companions` is as long as `y` and moves along. Particles that arrive are appended; the caller sorts them.
-pub fn migrate<W: Spin>(
-    comm: &dyn Comm,
-    slabs: &Slabs,
-    ids: &mut Vec<u64>,
-    y: &mut Vec<Motion<W>>,
-    companions: &mut [&mut Vec<Motion<W>>],
-) {
-    if comm.size() > 1 {
-        let owners: Vec<usize> = y.iter().map(|body| slabs.owner(slabs.height(&body.x))).collect();
-        let components = Motion::<W>::COMPONENTS;
-        let width = 1 + components * (1 + companions.len());
-        let mut counts = vec![0; comm.size()];
-        owners.iter().filter(|&&q| q != comm.rank()).for_each(|&q| counts[q] += width as u64);
-        let mut incoming = Parcels::with_counts(&comm.transpose(&counts));
-        let mut outgoing = Parcels::with_counts(&counts);
-        let mut leaving: Vec<usize> = (0..y.len()).filter(|&i| owners[i] != comm.rank()).collect();
-        leaving.sort_by_key(|&i| owners[i]);
-        for (slots, &i) in outgoing.data.chunks_exact_mut(width).zip(&leaving) {
-            // Ids are sent as doubles, which are exact below 2^53.
-            slots[0] = ids[i] as f64;
-            let (own, others) = slots[1..].split_at_mut(components);
-            y[i].pack(own);
-            for (slots, list) in others.chunks_exact_mut(components).zip(companions.iter()) {
-                list[i].pack(slots);
-            }
+/// `ids` and `tables` are those of the owned particles. The first table is the state, whose positions decide;
+/// the others move along. Particles that arrive are appended; the caller sorts them.
+pub fn migrate(comm: &dyn Comm, slabs: &Slabs, ids: &mut Vec<u64>, tables: &mut [Table]) {
+    if comm.size() == 1 {
+        return;
+    }
+    let owner = |i: usize| slabs.owner(slabs.height(&position(tables[0].row(i))));
+    let owners: Vec<usize> = (0..ids.len()).map(owner).collect();
+    let width = 1 + tables.iter().map(|table| table.width).sum::<usize>();
+    let mut counts = vec![0; comm.size()];
+    owners.iter().filter(|&&q| q != comm.rank()).for_each(|&q| counts[q] += width as u64);
+    let mut incoming = Parcels::with_counts(&comm.transpose(&counts));
+    let mut outgoing = Parcels::with_counts(&counts);
+    let mut leaving: Vec<usize> = (0..ids.len()).filter(|&i| owners[i] != comm.rank()).collect();
+    leaving.sort_by_key(|&i| owners[i]);
+    for (slots, &i) in outgoing.data.chunks_exact_mut(width).zip(&leaving) {
+        // Ids are sent as doubles, which are exact below 2^53.
+        slots[0] = ids[i] as f64;
+        let mut rest = &mut slots[1..];
+        for table in tables.iter() {
+            let (own, others) = rest.split_at_mut(table.width);
+            own.copy_from_slice(table.row(i));
+            rest = others;
         }
-        comm.exchange(&outgoing, &mut incoming);
-        let keep = |i: usize| owners[i] == comm.rank();
-        retain(ids, keep);
-        retain(y, keep);
-        companions.iter_mut().for_each(|list| retain(list, keep));
-        for slots in incoming.data.chunks_exact(width) {
-            ids.push(slots[0] as u64);
-            let (own, others) = slots[1..].split_at(components);
-            y.push(Motion::unpack(own));
-            for (slots, list) in others.chunks_exact(components).zip(companions.iter_mut()) {
-                list.push(Motion::unpack(slots));
-            }
+    }
+    comm.exchange(&outgoing, &mut incoming);
+    let keep = |i: usize| owners[i] == comm.rank();
+    let mut index = 0..;
+    ids.retain(|_| index.next().is_none_or(keep));
+    tables.iter_mut().for_each(|table| table.retain(keep));
+    for slots in incoming.data.chunks_exact(width) {
+        ids.push(slots[0] as u64);
+        let mut rest = &slots[1..];
+        for table in tables.iter_mut() {
+            let (own, others) = rest.split_at(table.width);
+            table.numbers.extend_from_slice(own);
+            rest = others;
         }
     }
 }
 
-/// Sorts the owned particles by a key made of position (m) and id. The lists of `companions` move along.
-pub fn sort<W: Spin, K: Ord>(
-    key: impl Fn(&Vec3, u64) -> K,
-    ids: &mut Vec<u64>,
-    y: &mut Vec<Motion<W>>,
-    companions: &mut [&mut Vec<Motion<W>>],
-) {
-    let keys: Vec<K> = y.iter().zip(&*ids).map(|(body, &id)| key(&body.x, id)).collect();
+/// Sorts the owned particles by a key made of position (m) and id. The first table is the state; the others
+/// move along.
+pub fn sort<K: Ord>(key: impl Fn(&Vec3, u64) -> K, ids: &mut Vec<u64>, tables: &mut [Table]) {
+    let state = &tables[0];
+    let keys: Vec<K> = ids.iter().enumerate().map(|(i, &id)| key(&position(state.row(i)), id)).collect();
     if keys.is_sorted() {
         return;
     }
     let mut order: Vec<usize> = (0..ids.len()).collect();
     order.sort_unstable_by(|&i, &j| keys[i].cmp(&keys[j]));
-    *y = order.iter().map(|&i| y[i]).collect();
-    companions.iter_mut().for_each(|list| **list = order.iter().map(|&i| list[i]).collect());
+    tables.iter_mut().for_each(|table| table.reorder(&order));
     *ids = order.iter().map(|&i| ids[i]).collect();
-}
-
-fn retain<T>(list: &mut Vec<T>, keep: impl Fn(usize) -> bool) {
-    let mut index = 0..;
-    list.retain(|_| index.next().is_none_or(&keep));
 }
 
 #[cfg(test)]
@@ -151,14 +139,9 @@ mod tests {
     use super::*;
     use crate::domain::Solo;
     use crate::domain::comm::team::team;
-    use crate::model::particle::Locked;
 
-    fn body(id: u64) -> Motion<Locked> {
-        Motion {
-            x: Vec3::new(0.5, 0.0, (id as f64 * 0.37).sin()),
-            v: Vec3::new(id as f64, 0.0, 0.0),
-            omega: Locked,
-        }
+    fn body(id: u64) -> [f64; 6] {
+        [0.5, 0.0, (id as f64 * 0.37).sin(), id as f64, 0.0, 0.0]
     }
 
     #[test]
@@ -167,20 +150,22 @@ mod tests {
             team(ranks, |comm| {
                 let mut ids: Vec<u64> =
                     (0..200).rev().filter(|id| *id as usize % ranks == comm.rank()).collect();
-                let mut y: Vec<_> = ids.iter().map(|&id| body(id)).collect();
+                let mut y: Vec<f64> = ids.iter().flat_map(|&id| body(id)).collect();
                 let census = Census::take(comm, &ids);
                 assert_eq!(census.count(), 200);
                 let mut slabs = Slabs::new(ranks, [1.0; 3]);
-                slabs.balance(comm, y.iter().map(|body| (body.x.z, 1)));
-                let mut twins = y.clone();
-                migrate(comm, &slabs, &mut ids, &mut y, &mut [&mut twins]);
-                assert_eq!(twins, y);
+                slabs.balance(comm, y.chunks_exact(6).map(|row| (row[2], 1)));
+                let mut twins: Vec<f64> = ids.iter().flat_map(|&id| [id as f64, 0.25]).collect();
+                let mut tables =
+                    [Table { numbers: &mut y, width: 6 }, Table { numbers: &mut twins, width: 2 }];
+                migrate(comm, &slabs, &mut ids, &mut tables);
                 assert_eq!(census.check(comm, &ids, 0.0), Ok(()));
-                sort(|_, id| id, &mut ids, &mut y, &mut [&mut twins]);
-                assert_eq!(twins, y);
+                sort(|_, id| id, &mut ids, &mut tables);
                 assert!(ids.is_sorted());
-                assert!(y.iter().all(|body| slabs.owner(slabs.height(&body.x)) == comm.rank()));
-                assert!(ids.iter().zip(&y).all(|(&id, found)| *found == body(id)));
+                let height = |row: &[f64]| slabs.height(&position(row));
+                assert!(y.chunks_exact(6).all(|row| slabs.owner(height(row)) == comm.rank()));
+                assert!(ids.iter().zip(y.chunks_exact(6)).all(|(&id, found)| *found == body(id)));
+                assert!(ids.iter().zip(twins.chunks_exact(2)).all(|(&id, twin)| *twin == [id as f64, 0.25]));
             });
         }
     }

@@ -8,9 +8,11 @@ pub mod launch;
 pub mod migration;
 pub mod rows;
 pub mod slabs;
+pub mod table;
 #[cfg_attr(feature = "mpi", path = "world/mpi.rs")]
 #[cfg_attr(not(feature = "mpi"), path = "world/alone.rs")]
 pub mod world;
 
 pub use comm::{Comm, Parcels, Solo};
+pub use table::Table;
 pub use world::World;

@@ -58,7 +58,7 @@ pub fn share_start(comm: &dyn Comm, own: InitialCondition) -> InitialCondition {
             .map(|row| [number(&row[..8]), number(&row[8..16]), number(&row[16..])])
             .collect()
     };
-    InitialCondition { x: both(own.x), v: both(own.v), omega: both(own.omega) }
+    InitialCondition { x: both(own.x), v: both(own.v), omega: both(own.omega), ..InitialCondition::default() }
 }
 
 /// Listed pairs per particle in a packed bed, approximately.

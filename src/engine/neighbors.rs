@@ -10,7 +10,6 @@
 //! begin with the own particles of the block, in the same order; the ghosts of the block follow.
 
 use crate::math::vector::Vec3;
-use crate::model::particle::Motion;
 use crate::model::wall::Wall;
 use crate::threads;
 use std::ops::Range;
@@ -203,17 +202,17 @@ impl Block {
     }
 
     /// Picks the listed pairs within `cutoff` (m) for `near`, and the walls within `wall_cutoff` (m) of a
-    /// centre for `near_walls`. `bodies` are those of the block, by slot.
-    pub fn pick_near<W>(&mut self, bodies: &[Motion<W>], cutoff: f64, (walls, wall_cutoff): (&[Wall], f64)) {
+    /// centre for `near_walls`. `x` (m) are the centres of the bodies of the block, by slot.
+    pub fn pick_near(&mut self, x: &[Vec3], cutoff: f64, (walls, wall_cutoff): (&[Wall], f64)) {
         self.near_walls.clear();
         // A distance that is NaN must not count as far: the fault has to show in the forces.
-        let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&bodies[i as usize].x) > wall_cutoff;
+        let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&x[i as usize]) > wall_cutoff;
         self.near_walls.extend(self.walls.iter().copied().filter(|contact| !far(contact)));
         // Without a branch: every pair is written, and the next one overwrites it if it is far.
         self.near.resize(self.pairs.len(), [0; 2]);
         let mut kept = 0;
         for &pair in &self.pairs {
-            let apart = bodies[pair[0] as usize].x - bodies[pair[1] as usize].x;
+            let apart = x[pair[0] as usize] - x[pair[1] as usize];
             self.near[kept] = pair;
             // NaN must not count as far here either.
             let far = apart.norm_squared() > cutoff * cutoff;
@@ -419,7 +418,6 @@ impl Block {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::particle::Locked;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
     use rand::{RngExt, SeedableRng};
@@ -520,12 +518,11 @@ mod tests {
     fn near_pairs_are_those_within_their_reach_in_the_same_order() {
         let (x, keys) = keyed(150, 100, [1.0, 1.0, 0.5], 5);
         let (mut lists, _) = listed(&x, &keys, 100, 0.3, 2);
-        let body = |x: &Vec3| Motion { x: *x, v: Vec3::zeros(), omega: Locked };
         for block in &mut lists.blocks {
             let slots = 0..(block.range.len() + block.ghosts.len()) as u32;
-            let bodies: Vec<_> = slots.map(|slot| body(&x[block.index(slot)])).collect();
-            block.pick_near(&bodies, 0.25, (&[], 0.0));
-            let at = |slot: &u32| bodies[*slot as usize].x;
+            let centres: Vec<_> = slots.map(|slot| x[block.index(slot)]).collect();
+            block.pick_near(&centres, 0.25, (&[], 0.0));
+            let at = |slot: &u32| centres[*slot as usize];
             let within = |[i, j]: &[u32; 2]| (at(i) - at(j)).norm() <= 0.25;
             let expected: Vec<_> = block.pairs.iter().copied().filter(within).collect();
             assert!(expected.len() > 10 && expected.len() < block.pairs.len());

@@ -9,6 +9,12 @@ pub type Vec3 = Vector3<f64>;
 // The functions below are written out by component and always inlined. nalgebra's operators may remain loops
 // and calls, and then the compiler does not vectorise a loop over contacts.
 
+/// The vector of three numbers.
+#[inline(always)]
+pub fn vector(numbers: &[f64]) -> Vec3 {
+    Vec3::new(numbers[0], numbers[1], numbers[2])
+}
+
 /// a . b
 #[inline(always)]
 pub fn dot<A: Arithmetic>(a: &Vec3, b: &Vec3) -> f64 {

@@ -9,26 +9,25 @@
 use crate::math::elementary::{
     Arithmetic, Separate, at_least, at_most, exp, exp_within, inverse, inverse_root,
 };
-use crate::math::vector::{Vec3, add_scaled, dot, scaled};
-use crate::model::particle::Spin;
+use crate::math::vector::{Vec3, add_cross, add_scaled, cross, dot, scaled};
 
 /// Force and torque of a contact on particle i.
 ///
 /// The force on the partner j is the opposite. The torque on it is the *same*, since both n and F_fr change
 /// sign in eq. (2.11).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Action<W> {
+pub struct Action {
     /// Repulsion and friction, N.
     pub force: Vec3,
-    /// Torque of friction, N m.
-    pub torque: W,
+    /// Torque of friction, N m; zero without rotation.
+    pub torque: Vec3,
 }
 
-impl<W: Spin> Action<W> {
+impl Action {
     /// No force and no torque.
     #[inline(always)]
     pub fn none() -> Self {
-        Action { force: Vec3::zeros(), torque: W::zero() }
+        Action { force: Vec3::zeros(), torque: Vec3::zeros() }
     }
 }
 
@@ -81,6 +80,8 @@ impl Rebound for Dissipative {
 pub trait Tangential: Copy + Send + Sync + 'static {
     /// Whether there is friction. Without it neither slip nor torque is computed.
     const RUBS: bool;
+    /// Whether friction turns the spheres; if not, spins do not count.
+    const TURNS: bool;
 
     /// Friction (N) at the given `slip` (m/s), eqs. (2.6) and (2.9).
     ///
@@ -123,6 +124,7 @@ impl Coulomb {
 
 impl Tangential for Frictionless {
     const RUBS: bool = false;
+    const TURNS: bool = false;
 
     #[inline(always)]
     fn friction<A: Arithmetic>(&self, _repulsion: f64, _slip: &Vec3) -> Vec3 {
@@ -132,6 +134,7 @@ impl Tangential for Frictionless {
 
 impl Tangential for Coulomb {
     const RUBS: bool = true;
+    const TURNS: bool = false;
 
     #[inline(always)]
     fn friction<A: Arithmetic>(&self, repulsion: f64, slip: &Vec3) -> Vec3 {
@@ -139,9 +142,23 @@ impl Tangential for Coulomb {
     }
 }
 
-/// The contact law of a scene. Its effects are type parameters.
+/// Friction that turns the spheres: the friction+rotation variant.
 #[derive(Debug, Clone, Copy)]
-pub struct Law<R, T> {
+pub struct Turning<T>(pub T);
+
+impl<T: Tangential> Tangential for Turning<T> {
+    const RUBS: bool = T::RUBS;
+    const TURNS: bool = true;
+
+    #[inline(always)]
+    fn friction<A: Arithmetic>(&self, repulsion: f64, slip: &Vec3) -> Vec3 {
+        self.0.friction::<A>(repulsion, slip)
+    }
+}
+
+/// The numbers of the contact law of a scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LawParameters {
     /// Radius of every sphere, m.
     pub r: f64,
     /// Repulsion at contact F_0, N.
@@ -150,6 +167,29 @@ pub struct Law<R, T> {
     pub kappa: f64,
     /// Largest gap at which surfaces interact, m. Contacts beyond it are skipped.
     pub l_max: f64,
+    /// Coefficient of restitution e, 0..1.
+    pub e: f64,
+    /// Focusing coefficient of the dissipation psi, s/m.
+    pub psi: f64,
+    /// Friction coefficient phi; 0 without friction.
+    pub phi: f64,
+    /// Speed from which friction has its full strength v_min, m/s.
+    pub v_min: f64,
+}
+
+impl LawParameters {
+    /// Repulsion F at `gap` (m), in N, eq. (2.1).
+    #[inline(always)]
+    pub fn repulsion<A: Arithmetic>(&self, gap: f64) -> f64 {
+        self.f_0 * exp::<A>(-self.kappa * gap)
+    }
+}
+
+/// The contact law of a scene. Its effects are type parameters.
+#[derive(Debug, Clone, Copy)]
+pub struct Law<R, T> {
+    /// Its numbers.
+    pub parameters: LawParameters,
     /// The rebound function.
     pub rebound: R,
     /// The tangential law: friction or none.
@@ -160,13 +200,14 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
     /// Repulsion F at `gap` (m), in N, eq. (2.1).
     #[inline(always)]
     pub fn repulsion<A: Arithmetic>(&self, gap: f64) -> f64 {
-        self.f_0 * exp::<A>(-self.kappa * gap)
+        self.parameters.repulsion::<A>(gap)
     }
 
     /// The energies of contacts under this law.
     pub fn energies(&self) -> Energies<'_, R, T> {
-        let (share, least) = (self.rebound.share::<Separate>(0.0), self.repulsion::<Separate>(self.l_max));
-        Energies { law: self, share, least }
+        let LawParameters { f_0, kappa, l_max, .. } = self.parameters;
+        let (share, least) = (self.rebound.share::<Separate>(0.0), self.repulsion::<Separate>(l_max));
+        Energies { law: self, at_rest: AtRest { share, least, f_0, kappa, l_max } }
     }
 
     /// Force and torque of one contact on particle i, eqs. (2.3), (2.5), (2.6), (2.9), (2.11), (2.12).
@@ -174,15 +215,17 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
     /// `gap` (m) must not exceed `l_max`. `v_rel` (m/s) is the velocity of i relative to its partner's
     /// centre. `spins` (rad/s) is w_i + w_j, with w_j = 0 for a wall.
     #[inline(always)]
-    pub fn action<A: Arithmetic, W: Spin>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Action<W> {
+    pub fn action<A: Arithmetic>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> Action {
         let opening = dot::<A>(n, v_rel);
         let repulsion = self.repulsion::<A>(gap);
         let normal = repulsion * self.rebound.share::<A>(-opening);
         if !T::RUBS {
-            return Action { force: scaled(normal, n), torque: W::zero() };
+            return Action { force: scaled(normal, n), torque: Vec3::zeros() };
         }
-        let friction = self.tangential.friction::<A>(repulsion, &self.slip::<A, W>(opening, n, v_rel, spins));
-        Action { force: add_scaled::<A>(normal, n, &friction), torque: W::torque::<A>(self.r, n, &friction) }
+        let friction = self.tangential.friction::<A>(repulsion, &self.slip::<A>(opening, n, v_rel, spins));
+        // -r n x F, eqs. (2.11) and (2.12).
+        let torque = if T::TURNS { cross::<A>(&friction, &scaled(self.parameters.r, n)) } else { Vec3::zeros() };
+        Action { force: add_scaled::<A>(normal, n, &friction), torque }
     }
 
     /// Slip: velocity of the surface of i at the contact relative to its partner's surface, m/s, eqs. (2.7)
@@ -190,8 +233,35 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
     ///
     /// `opening` (m/s) is n . v_rel.
     #[inline(always)]
-    fn slip<A: Arithmetic, W: Spin>(&self, opening: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> Vec3 {
-        spins.less_surface_velocity::<A>(self.r, n, &add_scaled::<A>(-opening, n, v_rel))
+    fn slip<A: Arithmetic>(&self, opening: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> Vec3 {
+        let along = add_scaled::<A>(-opening, n, v_rel);
+        // Less r w x n, the velocity of the surface by rotation.
+        if T::TURNS { add_cross::<A>(n, &scaled(self.parameters.r, spins), &along) } else { along }
+    }
+}
+
+/// The energy that contacts at rest store.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AtRest {
+    /// rho(0).
+    share: f64,
+    /// F(l_max), N.
+    least: f64,
+    f_0: f64,
+    kappa: f64,
+    l_max: f64,
+}
+
+impl AtRest {
+    /// Energy stored in a contact at rest, J: the integral of rho(0) F from `gap` (m) to `l_max`. Any gap is
+    /// allowed.
+    ///
+    /// With the share rho(0) the energy H never grows, whatever the speeds are.
+    #[inline(always)]
+    pub fn stored<A: Arithmetic>(&self, gap: f64) -> f64 {
+        let repulsion = self.f_0 * exp::<A>(-self.kappa * gap);
+        let energy = self.share * (repulsion - self.least) / self.kappa;
+        if gap <= self.l_max { energy } else { 0.0 }
     }
 }
 
@@ -199,21 +269,15 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
 #[derive(Debug, Clone, Copy)]
 pub struct Energies<'a, R, T> {
     law: &'a Law<R, T>,
-    /// rho(0).
-    share: f64,
-    /// F(l_max), N.
-    least: f64,
+    /// What contacts at rest store.
+    pub at_rest: AtRest,
 }
 
 impl<R: Rebound, T: Tangential> Energies<'_, R, T> {
-    /// Energy stored in a contact at rest, J: the integral of rho(0) F from `gap` (m) to `l_max`. Any gap is
-    /// allowed.
-    ///
-    /// With the share rho(0) the energy H of docs/design.md never grows, whatever the speeds are.
+    /// Energy stored in a contact at rest, as [`AtRest::stored`].
     #[inline(always)]
     pub fn stored<A: Arithmetic>(&self, gap: f64) -> f64 {
-        let energy = self.share * (self.law.repulsion::<A>(gap) - self.least) / self.law.kappa;
-        if gap <= self.law.l_max { energy } else { 0.0 }
+        self.at_rest.stored::<A>(gap)
     }
 
     /// Power (W) that one contact dissipates, taken from the kinetic and the stored energy: by rebound and by
@@ -222,24 +286,18 @@ impl<R: Rebound, T: Tangential> Energies<'_, R, T> {
     /// By rebound it is (rho(v) - rho(0)) F v with the closing speed v, which is never negative. By friction
     /// it is -F_fr . t. The arguments are those of [`Law::action`], but any gap is allowed.
     #[inline(always)]
-    pub fn dissipation<A: Arithmetic, W: Spin>(
-        &self,
-        gap: f64,
-        n: &Vec3,
-        v_rel: &Vec3,
-        spins: &W,
-    ) -> [f64; 2] {
+    pub fn dissipation<A: Arithmetic>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> [f64; 2] {
         let law = self.law;
         let opening = dot::<A>(n, v_rel);
         let repulsion = law.repulsion::<A>(gap);
-        let rebound = (self.share - law.rebound.share::<A>(-opening)) * repulsion * opening;
+        let rebound = (self.at_rest.share - law.rebound.share::<A>(-opening)) * repulsion * opening;
         let mut friction = 0.0;
         if T::RUBS {
-            let slip = law.slip::<A, W>(opening, n, v_rel, spins);
+            let slip = law.slip::<A>(opening, n, v_rel, spins);
             friction = -dot::<A>(&law.tangential.friction::<A>(repulsion, &slip), &slip);
         }
         // A NaN gap must not count as far: the NaN has to appear in the result.
-        let far = gap > law.l_max;
+        let far = gap > law.parameters.l_max;
         [if far { 0.0 } else { rebound }, if far { 0.0 } else { friction }]
     }
 }
@@ -247,12 +305,21 @@ impl<R: Rebound, T: Tangential> Energies<'_, R, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::particle::{Locked, Spinning};
 
     const R: f64 = 0.1;
 
     fn law<T: Tangential>(tangential: T) -> Law<Dissipative, T> {
-        Law { r: R, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound: Dissipative::new(0.4, 10.0), tangential }
+        let parameters = LawParameters {
+            r: R,
+            f_0: 10.0,
+            kappa: 150.0,
+            l_max: 0.1,
+            e: 0.4,
+            psi: 10.0,
+            phi: 0.2,
+            v_min: 0.01,
+        };
+        Law { parameters, rebound: Dissipative::new(0.4, 10.0), tangential }
     }
 
     #[test]
@@ -297,8 +364,8 @@ mod tests {
         let n = Vec3::x();
         let w = Vec3::new(0.0, 0.0, 4.0);
         let v_rel = w.cross(&n) * R;
-        let action = law(Coulomb::new(0.2, 0.01)).action::<Separate, _>(-0.001, &n, &v_rel, &Spinning(w));
-        assert_eq!(action.torque.0, Vec3::zeros());
+        let action = law(Turning(Coulomb::new(0.2, 0.01))).action::<Separate>(-0.001, &n, &v_rel, &w);
+        assert_eq!(action.torque, Vec3::zeros());
         assert_eq!(action.force.y, 0.0);
         assert!(action.force.x > 0.0);
     }
@@ -306,7 +373,8 @@ mod tests {
     #[test]
     fn friction_opposes_slip_with_phi_times_the_full_repulsion() {
         let v_rel = Vec3::new(0.3, 0.5, 0.0);
-        let action = law(Coulomb::new(0.2, 0.01)).action::<Separate, _>(-0.002, &Vec3::x(), &v_rel, &Locked);
+        let action = law(Coulomb::new(0.2, 0.01)).action::<Separate>(-0.002, &Vec3::x(), &v_rel, &Vec3::y());
+        assert_eq!(action.torque, Vec3::zeros());
         let f = 10.0 * (0.3f64).exp();
         // Friction is not reduced by rho although the contact is opening; see docs/design.md on effective
         // friction.
@@ -316,12 +384,12 @@ mod tests {
 
     #[test]
     fn partners_feel_opposite_forces_and_equal_torques() {
-        let law = law(Coulomb::new(0.2, 0.01));
+        let law = law(Turning(Coulomb::new(0.2, 0.01)));
         let n = Vec3::new(0.6, -0.48, 0.64);
         let v = Vec3::new(0.1, 0.7, -0.2);
-        let spins = Spinning(Vec3::new(3.0, -1.0, 2.0));
-        let on_i = law.action::<Separate, _>(-0.003, &n, &v, &spins);
-        let on_j = law.action::<Separate, _>(-0.003, &-n, &-v, &spins);
+        let spins = Vec3::new(3.0, -1.0, 2.0);
+        let on_i = law.action::<Separate>(-0.003, &n, &v, &spins);
+        let on_j = law.action::<Separate>(-0.003, &-n, &-v, &spins);
         assert_eq!(on_i.force, -on_j.force);
         assert_eq!(on_i.torque, on_j.torque);
     }

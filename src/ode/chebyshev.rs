@@ -7,10 +7,9 @@
 //! right-hand sides cover a stiffness for which a classical method would need s^2/5 steps.
 
 use super::{
-    Dissipation, Ivp, Linear, Method, Norm, SpectralRadius, StepStart, TrialOutcome, TrialStep,
-    add_dissipation, hermite,
+    Dissipation, Ivp, Layout, Method, MethodName, Norm, Part, SpectralRadius, Stage, StepStart, TrialOutcome,
+    TrialStep, add_dissipation, hermite,
 };
-use crate::math::larger;
 
 /// Damping epsilon: the polynomials stay below 1 - epsilon/3 in magnitude.
 ///
@@ -28,7 +27,7 @@ const CHANGES: usize = 2;
 ///
 /// D_j = mu D_{j-1} + nu D_{j-2} + h (mu~ F_{j-1} + gamma~ F_0)
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stage {
+pub struct Coefficients {
     /// mu: weight of the change at the stage before.
     pub mu: f64,
     /// nu: weight of the change two stages before.
@@ -56,7 +55,7 @@ pub fn stages_for(z: f64) -> usize {
 }
 
 /// Fills `table` with the coefficients of the stages 1..=s; s must be 2 or more.
-pub fn tabulate(s: usize, table: &mut Vec<Stage>) {
+pub fn tabulate(s: usize, table: &mut Vec<Coefficients>) {
     let w0 = 1.0 + DAMPING / (s * s) as f64;
     // Maps T_{j-2} and T_{j-1} at w0, each with its first two derivatives, to T_{j-1} and T_j.
     let next = |[b, a]: [[f64; 3]; 2]| {
@@ -75,7 +74,7 @@ pub fn tabulate(s: usize, table: &mut Vec<Stage>) {
     // b_{j-2} and b_{j-1}, where b_0 = b_1 = b_2.
     let mut b = [weight(&second); 2];
     table.clear();
-    table.push(Stage {
+    table.push(Coefficients {
         mu: 0.0,
         nu: 0.0,
         mu_slope: b[1] * w1,
@@ -89,7 +88,7 @@ pub fn tabulate(s: usize, table: &mut Vec<Stage>) {
         let t = &pair[1];
         let own = weight(t);
         let mu_slope = 2.0 * own * w1 / b[1];
-        table.push(Stage {
+        table.push(Coefficients {
             mu: 2.0 * own * w0 / b[1],
             nu: -own / b[0],
             mu_slope,
@@ -105,26 +104,28 @@ pub struct Chebyshev {
     /// Estimate of the spectral radius.
     pub radius: SpectralRadius,
     /// Coefficients of the stages of the last step. Has capacity for the largest number of stages.
-    table: Vec<Stage>,
+    table: Vec<Coefficients>,
 }
 
 impl Chebyshev {
-    /// Estimate of the local error of row `i`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
-    #[inline(always)]
-    fn error<S: Linear>(
-        i: usize,
+    /// Largest estimate of the local error over the rows `part`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
+    ///
+    /// `next` and `slope` hold these rows only.
+    fn error(
+        part: Part,
         h: f64,
         norm: &Norm,
-        step_start: &StepStart<S>,
-        (next, slope): (&S, &S),
+        step_start: &StepStart,
+        (next, slope): (&[f64], &[f64]),
     ) -> f64 {
-        let mut error = S::zero();
-        error.add_scaled(0.8, &step_start.y[i]);
-        error.add_scaled(-0.8, next);
-        error.add_scaled(0.4 * h, &step_start.slope[i]);
-        error.add_scaled(0.4 * h, slope);
+        let (y, first) = (&step_start.y, &step_start.slope);
+        let weight = 0.4 * h;
+        let error = |k: usize| {
+            let i = k - part.start;
+            0.0 + y[k] * 0.8 + next[i] * -0.8 + first[k] * weight + slope[i] * weight
+        };
         let scale = if norm.rate { 3.0 / h } else { 1.0 };
-        scale * error.magnitude(&norm.weights)
+        scale * norm.largest(part, error)
     }
 }
 
@@ -134,9 +135,9 @@ impl Default for Chebyshev {
     }
 }
 
-impl<P: Ivp> Method<P> for Chebyshev {
-    fn name(&self) -> &'static str {
-        "chebyshev"
+impl Method for Chebyshev {
+    fn name(&self) -> MethodName {
+        MethodName::Chebyshev
     }
 
     fn error_order(&self) -> f64 {
@@ -145,9 +146,9 @@ impl<P: Ivp> Method<P> for Chebyshev {
 
     fn stable_step(
         &mut self,
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
-        trial: &mut TrialStep<P::State>,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
+        trial: &mut TrialStep,
     ) -> (f64, u64) {
         let (bound, evaluations) = self.spectral_bound(ivp, step_start, trial);
         (real_stability(MOST_STAGES) / bound, evaluations)
@@ -155,9 +156,9 @@ impl<P: Ivp> Method<P> for Chebyshev {
 
     fn spectral_bound(
         &mut self,
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
-        trial: &mut TrialStep<P::State>,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
+        trial: &mut TrialStep,
     ) -> (f64, u64) {
         ivp.begin();
         let evaluations = step_start.find_slope(ivp) + self.radius.update(ivp, step_start, trial);
@@ -170,11 +171,11 @@ impl<P: Ivp> Method<P> for Chebyshev {
 
     fn attempt(
         &mut self,
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
         h: f64,
         norm: &Norm,
-        trial: &mut TrialStep<P::State>,
+        trial: &mut TrialStep,
     ) -> TrialOutcome {
         let n = step_start.y.len();
         trial.reset(n, CHANGES);
@@ -187,30 +188,31 @@ impl<P: Ivp> Method<P> for Chebyshev {
         let (y, first, table) = (&step_start.y[..], &step_start.slope[..], &self.table[..]);
         // The new change overwrites the change of two stages before, and the new slope that of the stage
         // before. This is safe because a row of a stage depends only on the same row of these vectors.
-        let make = move |j: usize,
-                         start: usize,
-                         [next, even, odd]: [&mut [P::State]; 3],
-                         stages: &mut [P::State],
-                         slopes: &mut [P::State]| {
+        let make = move |j: usize, stage: Stage| {
+            let Stage { part, vectors: [next, even, odd], state, slope } = stage;
             let row = &table[j];
             let (changes, older) = if j.is_multiple_of(2) { (even, odd) } else { (odd, even) };
-            let (y, first) = (&y[start..], &first[start..]);
-            for (k, (change, stage)) in changes.iter_mut().zip(&mut *stages).enumerate() {
-                let mut sum = P::State::zero();
-                if j > 0 {
-                    sum.add_scaled(row.mu, &older[k]);
-                    if j > 1 {
-                        sum.add_scaled(row.nu, change);
+            let (y, first) = (&y[part.range()], &first[part.range()]);
+            let [gamma, mu_slope] = [h * row.gamma, h * row.mu_slope];
+            match j {
+                0 => changes.iter_mut().zip(first).for_each(|(change, f)| *change = 0.0 + f * mu_slope),
+                1 => {
+                    for (k, change) in changes.iter_mut().enumerate() {
+                        *change = 0.0 + older[k] * row.mu + first[k] * gamma + slope[k] * mu_slope;
                     }
-                    sum.add_scaled(h * row.gamma, &first[k]);
                 }
-                sum.add_scaled(h * row.mu_slope, if j == 0 { &first[k] } else { &slopes[k] });
-                *change = sum;
-                *stage = y[k];
-                stage.add_scaled(1.0, &sum);
+                _ => {
+                    for (k, change) in changes.iter_mut().enumerate() {
+                        let sum = 0.0 + older[k] * row.mu + *change * row.nu;
+                        *change = sum + first[k] * gamma + slope[k] * mu_slope;
+                    }
+                }
+            }
+            for ((number, y), change) in state.iter_mut().zip(y).zip(&*changes) {
+                *number = y + change;
             }
             if j + 1 == s {
-                next.copy_from_slice(stages);
+                next.copy_from_slice(state);
             }
         };
         let mut dissipated: [Dissipation; 2] = [[0.0; 2]; 2];
@@ -232,11 +234,8 @@ impl<P: Ivp> Method<P> for Chebyshev {
         trial.evaluations += s as u64;
         (trial.slope_known, trial.dissipation, trial.dissipated) = (true, dissipation, dissipated[0]);
         let TrialStep { next, slope, .. } = trial;
-        let error = |start: usize, part: &mut [P::State]| {
-            let ends = part.iter().zip(&slope[start..]);
-            (start..)
-                .zip(ends)
-                .fold(0.0, |worst, (i, end)| larger(worst, Self::error(i, h, norm, step_start, end)))
+        let error = |part: Part, rows: &mut [f64]| {
+            Self::error(part, h, norm, step_start, (rows, &slope[part.range()]))
         };
         ivp.agree(&step_start.y, next, &error)
     }
@@ -249,12 +248,12 @@ impl<P: Ivp> Method<P> for Chebyshev {
         &self,
         share: f64,
         h: f64,
-        step_start: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
-        i: usize,
-    ) -> Option<P::State> {
-        let ends = [[&step_start.y[i], &step_start.slope[i]], [&trial.next[i], &trial.slope[i]]];
-        Some(hermite(share, h, ends[0], ends[1]))
+        step_start: &StepStart,
+        trial: &TrialStep,
+        _layout: &Layout,
+    ) -> Option<Vec<f64>> {
+        let (start, end) = ([&step_start.y[..], &step_start.slope], [&trial.next[..], &trial.slope]);
+        Some(hermite(share, h, start, end))
     }
 
     fn rejected(&mut self) {
@@ -263,13 +262,14 @@ impl<P: Ivp> Method<P> for Chebyshev {
 
     fn error_of(
         &self,
-        i: usize,
+        part: Part,
         h: f64,
         norm: &Norm,
-        step_start: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
+        step_start: &StepStart,
+        trial: &TrialStep,
     ) -> f64 {
-        Self::error(i, h, norm, step_start, (&trial.next[i], &trial.slope[i]))
+        let ends = (&trial.next[part.range()], &trial.slope[part.range()]);
+        Self::error(part, h, norm, step_start, ends)
     }
 
     fn stages(&self) -> usize {

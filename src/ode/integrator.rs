@@ -2,7 +2,7 @@
 
 use crate::ode::method_switch::{MethodSwitch, Tally};
 use crate::ode::{
-    Chebyshev, DORMAND_PRINCE, Ivp, Limit, MERSON, Method, MethodName, Norm, RungeKutta, SpectralRadius,
+    Chebyshev, DORMAND_PRINCE, Ivp, Layout, Limit, MERSON, Method, MethodName, Norm, Part, RungeKutta, SpectralRadius,
     StepStart, Tableau, TrialOutcome, TrialStep, Verlet,
 };
 use serde::{Deserialize, Serialize};
@@ -19,10 +19,10 @@ pub struct AutoPlan {
 }
 
 /// Takes steps with one active method at a time.
-pub struct Integrator<'c, P: Ivp> {
-    active: Box<dyn Method<P> + 'c>,
+pub struct Integrator {
+    active: Box<dyn Method>,
     /// For `auto`: the inactive method, and the method switch.
-    resting: Option<(Box<dyn Method<P> + 'c>, MethodSwitch)>,
+    resting: Option<(Box<dyn Method>, MethodSwitch)>,
     /// Largest stable step from the start of the step, s; none until it has been asked for.
     stable: Option<f64>,
     /// Right-hand sides evaluated since the last accepted step.
@@ -39,10 +39,10 @@ pub struct Memory {
     tally: Option<Tally>,
 }
 
-impl<'c, P: Ivp + 'c> Integrator<'c, P> {
+impl Integrator {
     /// An integrator with the method `name`. `auto` says how the method of that name starts.
     pub fn new(name: MethodName, auto: AutoPlan) -> Self {
-        let table = |table| Box::new(RungeKutta::new(table)) as Box<dyn Method<P> + 'c>;
+        let table = |table| Box::new(RungeKutta::new(table)) as Box<dyn Method>;
         let fixed = |active| Integrator { active, resting: None, stable: None, spent: 0 };
         match name {
             MethodName::Merson => fixed(table(&MERSON)),
@@ -52,7 +52,7 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
             MethodName::Auto => {
                 let switch = MethodSwitch::new(auto.explicit, auto.reason);
                 let switch = if auto.is_damped { switch } else { switch.forever() };
-                let resting = Some((Box::<Chebyshev>::default() as Box<dyn Method<P> + 'c>, switch));
+                let resting = Some((Box::<Chebyshev>::default() as Box<dyn Method>, switch));
                 Integrator { active: table(auto.explicit), resting, stable: None, spent: 0 }
             }
         }
@@ -64,9 +64,9 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
     /// Returns the number of right-hand sides evaluated. `trial` is used as work space: its result is lost.
     pub fn prepare(
         &mut self,
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
-        trial: &mut TrialStep<P::State>,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
+        trial: &mut TrialStep,
     ) -> u64 {
         if self.stable.is_some() {
             return 0;
@@ -139,11 +139,11 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
     /// Takes a trial step of size `h` (s) from `step_start`. Collective.
     pub fn attempt(
         &mut self,
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
         h: f64,
         norm: &Norm,
-        trial: &mut TrialStep<P::State>,
+        trial: &mut TrialStep,
     ) -> TrialOutcome {
         let outcome = self.active.attempt(ivp, step_start, h, norm, trial);
         self.spent += trial.evaluations;
@@ -156,10 +156,11 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         &self,
         share: f64,
         h: f64,
-        step_start: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
-    ) -> Option<Vec<P::State>> {
-        (0..step_start.y.len()).map(|i| self.active.inside(share, h, step_start, trial, i)).collect()
+        step_start: &StepStart,
+        trial: &TrialStep,
+        layout: &Layout,
+    ) -> Option<Vec<f64>> {
+        self.active.inside(share, h, step_start, trial, layout)
     }
 
     /// Whether the active method has a dense output.
@@ -181,16 +182,16 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         (self.stable, self.spent) = (None, 0);
     }
 
-    /// Error of owned row `i` in the last trial, of step size `h` (s).
+    /// Largest error of the rows `part` in the last trial, of step size `h` (s).
     pub fn error_of(
         &self,
-        i: usize,
+        part: Part,
         h: f64,
         norm: &Norm,
-        step_start: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
+        step_start: &StepStart,
+        trial: &TrialStep,
     ) -> f64 {
-        self.active.error_of(i, h, norm, step_start, trial)
+        self.active.error_of(part, h, norm, step_start, trial)
     }
 
     /// Largest number of state vectors that the start of the step and the trial may hold together.
@@ -209,6 +210,6 @@ impl<'c, P: Ivp + 'c> Integrator<'c, P> {
         let name = self.active.name();
         self.resting
             .as_ref()
-            .map_or_else(|| name.to_owned(), |(resting, switch)| switch.report(name, resting.name()))
+            .map_or_else(|| name.to_string(), |(resting, switch)| switch.report(name, resting.name()))
     }
 }

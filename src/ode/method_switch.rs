@@ -1,7 +1,7 @@
 //! The method switch: how `auto` chooses between an explicit method and the stabilised one, by the work that
 //! each needs.
 
-use crate::ode::{Limit, Tableau};
+use crate::ode::{Limit, MethodName, Tableau};
 use serde::{Deserialize, Serialize};
 
 /// Number of steps limited by their error over which the work is compared.
@@ -185,7 +185,7 @@ impl MethodSwitch {
     }
 
     /// Which method was chosen and why. `active` and `resting` are the names of the two methods.
-    pub fn report(&self, active: &str, resting: &str) -> String {
+    pub fn report(&self, active: MethodName, resting: MethodName) -> String {
         let [explicit, stabilised] = self.tally.taken;
         let (own, other) = match self.tally.active {
             Kind::Explicit => (explicit, stabilised),
@@ -224,7 +224,7 @@ mod tests {
         }
         let first = switch.change().expect("it changes");
         assert!(first <= 1e-6, "the step does not jump: {first}");
-        assert!(switch.report("merson", "chebyshev").contains("merson for 0 steps and chebyshev for 1024"));
+        assert!(switch.report(MethodName::Merson, MethodName::Chebyshev).contains("merson for 0 steps and chebyshev for 1024"));
     }
 
     #[test]
@@ -244,7 +244,7 @@ mod tests {
             switch.step(1e-3, Limit::Error, 14, Some(1e5));
             assert_eq!(switch.change(), None);
         }
-        assert!(switch.report("chebyshev", "merson").starts_with("auto: chebyshev for 10240 steps"));
+        assert!(switch.report(MethodName::Chebyshev, MethodName::Merson).starts_with("auto: chebyshev for 10240 steps"));
     }
 
     #[test]

@@ -8,6 +8,7 @@ pub mod controller;
 pub mod integrator;
 pub mod method_switch;
 mod names;
+pub mod rows;
 pub mod runge_kutta;
 pub mod spectral;
 pub mod tableau;
@@ -18,45 +19,11 @@ pub mod verlet;
 pub use chebyshev::Chebyshev;
 pub use controller::{Decision, Limit, StepControl, StepRule};
 pub use names::{MethodName, NormName};
+pub use rows::{Layout, Norm, Part, Rows, Segment, largest_magnitude};
 pub use runge_kutta::RungeKutta;
 pub use spectral::SpectralRadius;
 pub use tableau::{DORMAND_PRINCE, MERSON, Tableau};
 pub use verlet::Verlet;
-
-/// What the components of a state are multiplied by before they are compared with a tolerance.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Weights {
-    /// Weight of positions, 1/m.
-    pub x: f64,
-    /// Weight of velocities, s/m.
-    pub v: f64,
-    /// Weight of angular velocities, s.
-    pub omega: f64,
-}
-
-impl Weights {
-    /// All weights are 1: metres, metres a second and radians a second count alike.
-    pub const MIXED: Weights = Weights { x: 1.0, v: 1.0, omega: 1.0 };
-}
-
-/// One row of a state: an element of a vector space that has positions and velocities.
-pub trait Linear: Copy + Send + Sync {
-    /// The neutral element.
-    fn zero() -> Self;
-    /// Adds `s * other`.
-    fn add_scaled(&mut self, s: f64, other: &Self);
-    /// Largest weighted component by magnitude; NaN becomes +infinity.
-    fn magnitude(&self, weights: &Weights) -> f64;
-    /// Adds `h * slope` to the velocities only.
-    fn kick(&mut self, h: f64, slope: &Self);
-    /// Adds `h` times the velocity of this row to its position.
-    fn drift(&mut self, h: f64);
-
-    /// Largest component by magnitude, whatever its unit; NaN becomes +infinity.
-    fn max_abs(&self) -> f64 {
-        self.magnitude(&Weights::MIXED)
-    }
-}
 
 /// Outcome of a trial step, the same on all processes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,17 +37,43 @@ pub struct TrialOutcome {
     pub within_travel: bool,
 }
 
+/// Vectors that a method may pass to `make`, at most.
+pub const VECTORS: usize = 3;
+
+/// Some rows of a stage that is being made.
+pub struct Stage<'a> {
+    /// Which rows these are.
+    pub part: Part,
+    /// Vectors of the method at these rows; empty where a vector is not used.
+    pub vectors: [&'a mut [f64]; VECTORS],
+    /// The state of the stage, to be written.
+    pub state: &'a mut [f64],
+    /// What the slope held before; see [`Ivp::rhs_of`].
+    pub slope: &'a mut [f64],
+}
+
+/// Makes stage k of some rows; see [`Ivp::rhs_of`].
+pub type MakeStage<'f> = dyn Fn(usize, Stage) + Sync + 'f;
+
+/// Completes some rows of a result and returns their largest error; see [`Ivp::agree`].
+pub type FinishRows<'f> = dyn Fn(Part, &mut [f64]) -> f64 + Sync + 'f;
+
+/// No vectors for `make`.
+pub(crate) fn no_vectors<'a>() -> [&'a mut [f64]; VECTORS] {
+    [&mut [], &mut [], &mut []]
+}
+
 /// An initial value problem. Its state is a sequence of rows, spread over processes.
 ///
-/// Every process owns some of the rows. Slices of states hold the owned rows, in the same order throughout a
-/// step.
+/// Every process owns some of the rows. Vectors hold the owned rows, in the same order throughout
+/// a step.
 ///
 /// A step consists of a call of `begin`, any number of evaluations by `rhs` and `rhs_of`, and a call of
 /// `agree`. `agree` may be left out where no result is wanted, for example when a spectral radius is
 /// estimated.
 pub trait Ivp {
-    /// One row of the state.
-    type State: Linear;
+    /// The segments of a vector on this process. They change only between steps.
+    fn layout(&self) -> &Layout;
     /// Starts a step from a state `y`, which `rhs_of` and `agree` receive.
     ///
     /// The caller guarantees:
@@ -97,7 +90,7 @@ pub trait Ivp {
     /// Puts dy/dt at time `t` (s) and state `y` into `dydt`. Collective.
     ///
     /// `y` may be any state. Both slices hold the owned rows. What `dydt` holds before does not matter.
-    fn rhs(&mut self, t: f64, y: &[Self::State], dydt: &mut [Self::State]);
+    fn rhs(&mut self, t: f64, y: &[f64], dydt: &mut [f64]);
     /// Puts dy/dt at time `t` (s) and at one stage of a step from `y` into `dydt`. Collective.
     ///
     /// The stage is not passed: `make` computes it during the evaluation, some rows at a time. A problem can
@@ -106,16 +99,16 @@ pub trait Ivp {
     /// `turn` = `[k, stages]` says that this is stage k of a sequence of `stages`, counted from 0. `[0, 1]`
     /// is a stage on its own. In a sequence the problem may begin the next stage while it evaluates this one.
     ///
-    /// `make(k, first, vectors, stage, dydt)` computes stage k of consecutive rows, the first of which has
-    /// the index `first`. It writes the stage into `stage`. All its slices have the length of this part:
-    /// `vectors` and `dydt` are the parts of the arguments of the same names.
+    /// `make(k, stage)` computes stage k of the consecutive rows `stage.part` and writes it to
+    /// `stage.state`. All slices of [`Stage`] have the length of this part. Of `vectors`, those that the
+    /// method does not use are empty.
     ///
     /// The problem guarantees:
     ///
     /// - For every stage, `make` is called exactly once for every row. The parts may have any size and come
     ///   in any order, and several threads may call `make` at once.
-    /// - When `make` receives a row, `dydt` is still unchanged there: it holds what the caller passed or,
-    ///   from the second stage of a sequence on, the slope of the stage before. `stage` may hold anything.
+    /// - When `make` receives a row, its slope is still unchanged: it holds what the caller passed or,
+    ///   from the second stage of a sequence on, the slope of the stage before. `state` may hold anything.
     /// - An evaluation makes the rest of its own stage and, in a sequence, perhaps some rows of the next one.
     ///   A row of the next stage is made only after the slope of the same row is complete.
     /// - After the last stage of a sequence, `dydt` holds the slopes of that stage.
@@ -125,23 +118,32 @@ pub trait Ivp {
     /// - `y` is the state for which `begin` was called, and all slices have its length.
     /// - The stages of a sequence are evaluated in order, from 0 to the last. No other call comes in between,
     ///   except `dissipation`. All arguments but `t` and `turn[0]` stay the same.
-    /// - `make` writes every row of `stage`. It may also change the rows of `vectors` and `dydt` that it
+    /// - `make` writes every row of `state`. It may also change the rows of `vectors` and `slope` that it
     ///   receives. What it computes depends on k, on these rows and on data that do not change during the
     ///   sequence, but not on `t`.
     /// - Between two stages of a sequence the caller uses neither `vectors` nor `dydt`: some rows may already
     ///   belong to the next stage.
-    fn rhs_of<const K: usize>(
+    fn rhs_of(
         &mut self,
         t: f64,
-        y: &[Self::State],
+        y: &[f64],
         turn: [usize; 2],
-        vectors: [&mut [Self::State]; K],
-        dydt: &mut [Self::State],
-        make: &(impl Fn(usize, usize, [&mut [Self::State]; K], &mut [Self::State], &mut [Self::State]) + Sync),
+        vectors: [&mut [f64]; VECTORS],
+        dydt: &mut [f64],
+        make: &MakeStage,
     ) {
-        let mut stage = vec![Self::State::zero(); y.len()];
-        make(turn[0], 0, vectors, &mut stage, dydt);
-        self.rhs(t, &stage, dydt);
+        let mut state = vec![0.0; y.len()];
+        let mut vectors = vectors;
+        for part in self.layout().clone().parts() {
+            // A vector that is not used is empty.
+            let of_part = vectors.each_mut().map(|vector| {
+                let range = if vector.is_empty() { 0..0 } else { part.range() };
+                &mut vector[range]
+            });
+            let (state, slope) = (&mut state[part.range()], &mut dydt[part.range()]);
+            make(turn[0], Stage { part, vectors: of_part, state, slope });
+        }
+        self.rhs(t, &state, dydt);
     }
     /// Power lost in the last right-hand side, W; zero unless the problem has been told to compute it.
     fn dissipation(&self) -> Dissipation {
@@ -149,27 +151,22 @@ pub trait Ivp {
     }
     /// Ends the step that `begin` started from `y`. Its result is `next`. Collective.
     ///
-    /// `finish(first, part)` completes the consecutive rows `part` of `next`, the first of which has the
-    /// index `first`. It returns the largest error of these rows.
+    /// `finish(part, rows)` completes the consecutive rows `part` of `next`, which it receives as `rows`. It
+    /// returns the largest error of these rows.
     ///
     /// - `finish` is called exactly once for every row. The parts may have any size and come in any order,
     ///   and several threads may call it at once.
     /// - All processes receive the same outcome, with the largest error of all rows.
-    fn agree(
-        &mut self,
-        y: &[Self::State],
-        next: &mut [Self::State],
-        finish: &(impl Fn(usize, &mut [Self::State]) -> f64 + Sync),
-    ) -> TrialOutcome;
+    fn agree(&mut self, y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome;
     /// Length of the vector `v` of the state space, over all processes. Collective.
     ///
     /// The norm is one in which the stiff part of f is close to symmetric. Velocities dominate it.
-    fn length(&mut self, v: &[Self::State]) -> f64;
+    fn length(&mut self, v: &[f64]) -> f64;
     /// Adds `share` times a vector of length about 1 (in the norm of `length`) to `v`.
     ///
     /// This vector has a part in every direction. It depends only on `round` and on the identities of the
     /// rows, not on which process owns them.
-    fn add_direction(&mut self, round: u64, share: f64, v: &mut [Self::State]);
+    fn add_direction(&mut self, round: u64, share: f64, v: &mut [f64]);
     /// A length (in the norm of `length`) over which f is close to linear, but which is well above round-off.
     fn small_length(&self) -> f64;
 }
@@ -187,26 +184,26 @@ pub(crate) fn add_dissipation(sum: &mut Dissipation, s: f64, other: &Dissipation
 ///
 /// All its vectors move along when rows change their owner or their index.
 #[derive(Debug, Clone)]
-pub struct StepStart<S> {
+pub struct StepStart {
     /// Time, s.
     pub t: f64,
     /// Last accepted state of the owned rows.
-    pub y: Vec<S>,
+    pub y: Vec<f64>,
     /// f at that state (for velocity Verlet: at the last half step); meaningless unless `slope_known`.
-    pub slope: Vec<S>,
+    pub slope: Vec<f64>,
     /// Whether `slope` is f.
     pub slope_known: bool,
     /// Dissipation in `slope`, W.
     pub dissipation: Dissipation,
     /// The stiffest direction found so far; meaningless unless `direction_known`.
-    pub direction: Vec<S>,
+    pub direction: Vec<f64>,
     /// Whether `direction` is known: the same on every process, also where one owns no rows.
     pub direction_known: bool,
 }
 
-impl<S: Linear> StepStart<S> {
+impl StepStart {
     /// A start at state `y` and time `t` (s), of which nothing else is known.
-    pub fn new(t: f64, y: Vec<S>) -> Self {
+    pub fn new(t: f64, y: Vec<f64>) -> Self {
         StepStart {
             t,
             y,
@@ -219,7 +216,7 @@ impl<S: Linear> StepStart<S> {
     }
 
     /// Evaluates f unless it is known. Returns the number of right-hand sides evaluated. Collective.
-    pub fn find_slope<P: Ivp<State = S>>(&mut self, ivp: &mut P) -> u64 {
+    pub fn find_slope(&mut self, ivp: &mut dyn Ivp) -> u64 {
         if self.slope_known {
             return 0;
         }
@@ -232,7 +229,7 @@ impl<S: Linear> StepStart<S> {
 
     /// Memory held by the state vectors, bytes.
     pub fn bytes(&self) -> usize {
-        [&self.y, &self.slope, &self.direction].map(Vec::capacity).iter().sum::<usize>() * size_of::<S>()
+        [&self.y, &self.slope, &self.direction].map(Vec::capacity).iter().sum::<usize>() * size_of::<f64>()
     }
 }
 
@@ -241,13 +238,13 @@ impl<S: Linear> StepStart<S> {
 /// One trial step serves all methods, since only one method is active at a time. Between two trials, other
 /// code that evaluates right-hand sides uses it as work space too.
 #[derive(Debug, Clone)]
-pub struct TrialStep<S> {
+pub struct TrialStep {
     /// State at the end of the step.
-    pub next: Vec<S>,
+    pub next: Vec<f64>,
     /// f at the end of the step, if the method evaluates it there; otherwise a slope within the step.
-    pub slope: Vec<S>,
+    pub slope: Vec<f64>,
     /// Further work space of the method: slopes, or changes of the state, within the step.
-    pub stages: Vec<Vec<S>>,
+    pub stages: Vec<Vec<f64>>,
     /// Whether `slope` is f at the end of the step.
     pub slope_known: bool,
     /// Dissipation in `slope`, W.
@@ -258,7 +255,7 @@ pub struct TrialStep<S> {
     pub evaluations: u64,
 }
 
-impl<S> Default for TrialStep<S> {
+impl Default for TrialStep {
     fn default() -> Self {
         TrialStep {
             next: Vec::new(),
@@ -272,7 +269,7 @@ impl<S> Default for TrialStep<S> {
     }
 }
 
-impl<S: Linear> TrialStep<S> {
+impl TrialStep {
     /// Makes room for `n` rows in the result, in its slope and in `stages` further vectors.
     fn reset(&mut self, n: usize, stages: usize) {
         if self.stages.len() < stages {
@@ -289,7 +286,7 @@ impl<S: Linear> TrialStep<S> {
     /// Memory held by the state vectors, bytes.
     pub fn bytes(&self) -> usize {
         let stages: usize = self.stages.iter().map(Vec::capacity).sum();
-        (self.next.capacity() + self.slope.capacity() + stages) * size_of::<S>()
+        (self.next.capacity() + self.slope.capacity() + stages) * size_of::<f64>()
     }
 }
 
@@ -297,39 +294,29 @@ impl<S: Linear> TrialStep<S> {
 ///
 /// It grows by a sixteenth more than it needs. `Vec::resize` would double the memory of a vector that grows
 /// by a few rows at a time.
-fn fit<S: Linear>(vector: &mut Vec<S>, n: usize) {
+fn fit(vector: &mut Vec<f64>, n: usize) {
     if n > vector.capacity() {
         // The old contents are not needed: free them before allocating again.
         *vector = Vec::new();
         vector.reserve_exact(n + n / 16);
     }
-    vector.resize(n, S::zero());
-}
-
-/// How the error of a step is measured.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Norm {
-    /// Weights of the components.
-    pub weights: Weights,
-    /// Whether the error is a rate, as in the paper: 3/h times the local error, as published for Merson's
-    /// method. Otherwise it is the local error itself.
-    pub rate: bool,
+    vector.resize(n, 0.0);
 }
 
 /// A method that takes one step.
-pub trait Method<P: Ivp> {
+pub trait Method {
     /// Name in the scene file.
-    fn name(&self) -> &'static str;
+    fn name(&self) -> MethodName;
     /// The power of h with which the error of a step shrinks.
     fn error_order(&self) -> f64;
     /// Takes a trial step of size `h` (s) from `step_start` and leaves the result in `trial`. Collective.
     fn attempt(
         &mut self,
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
         h: f64,
         norm: &Norm,
-        trial: &mut TrialStep<P::State>,
+        trial: &mut TrialStep,
     ) -> TrialOutcome;
     /// The largest stable step (s) from `step_start`, and the number of right-hand sides evaluated to find
     /// it. Collective.
@@ -338,9 +325,9 @@ pub trait Method<P: Ivp> {
     /// as work space: its result is lost.
     fn stable_step(
         &mut self,
-        _ivp: &mut P,
-        _anchor: &mut StepStart<P::State>,
-        _trial: &mut TrialStep<P::State>,
+        _ivp: &mut dyn Ivp,
+        _step_start: &mut StepStart,
+        _trial: &mut TrialStep,
     ) -> (f64, u64) {
         (f64::INFINITY, 0)
     }
@@ -351,9 +338,9 @@ pub trait Method<P: Ivp> {
     /// lost.
     fn spectral_bound(
         &mut self,
-        _ivp: &mut P,
-        _anchor: &mut StepStart<P::State>,
-        _trial: &mut TrialStep<P::State>,
+        _ivp: &mut dyn Ivp,
+        _step_start: &mut StepStart,
+        _trial: &mut TrialStep,
     ) -> (f64, u64) {
         (f64::INFINITY, 0)
     }
@@ -365,25 +352,25 @@ pub trait Method<P: Ivp> {
     fn has_inside(&self) -> bool;
     /// Tells the method that the last trial was rejected for its error.
     fn rejected(&mut self) {}
-    /// Dense output: the state of owned row `i` within the last trial, an accepted step of size `h` (s).
+    /// Dense output: the state within the last trial, an accepted step of size `h` (s).
     ///
     /// `share` is the share of the step, 0 to 1. None if the method has no dense output.
     fn inside(
         &self,
         share: f64,
         h: f64,
-        step_start: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
-        i: usize,
-    ) -> Option<P::State>;
-    /// Error of owned row `i` in the last trial, of step size `h` (s).
+        step_start: &StepStart,
+        trial: &TrialStep,
+        layout: &Layout,
+    ) -> Option<Vec<f64>>;
+    /// Largest error of the rows `part` in the last trial, of step size `h` (s).
     fn error_of(
         &self,
-        i: usize,
+        part: Part,
         h: f64,
         norm: &Norm,
-        step_start: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
+        step_start: &StepStart,
+        trial: &TrialStep,
     ) -> f64;
     /// Number of vectors in [`TrialStep::stages`] that the method uses.
     fn stages(&self) -> usize;
@@ -396,13 +383,12 @@ pub trait Method<P: Ivp> {
 }
 
 /// The cubic through the states and slopes at both ends of a step `h` (s), evaluated at a `share` of the
-/// step.
-pub(crate) fn hermite<S: Linear>(share: f64, h: f64, [y0, f0]: [&S; 2], [y1, f1]: [&S; 2]) -> S {
+/// step. `start` and `end` are the state and the slope at each end.
+pub(crate) fn hermite(share: f64, h: f64, start: [&[f64]; 2], end: [&[f64]; 2]) -> Vec<f64> {
     let rest = 1.0 - share;
-    let mut state = S::zero();
-    state.add_scaled(rest * rest * (1.0 + 2.0 * share), y0);
-    state.add_scaled(share * share * (1.0 + 2.0 * rest), y1);
-    state.add_scaled(h * share * rest * rest, f0);
-    state.add_scaled(-h * share * share * rest, f1);
-    state
+    let [y0, y1] = [rest * rest * (1.0 + 2.0 * share), share * share * (1.0 + 2.0 * rest)];
+    let [f0, f1] = [h * share * rest * rest, -h * share * share * rest];
+    let number =
+        |k: usize| 0.0 + start[0][k] * y0 + end[0][k] * y1 + start[1][k] * f0 + end[1][k] * f1;
+    (0..start[0].len()).map(number).collect()
 }

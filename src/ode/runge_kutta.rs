@@ -1,9 +1,9 @@
 //! Trial steps of any explicit Runge-Kutta method, given as a table.
 
 use super::{
-    Dissipation, Ivp, Linear, Method, Norm, StepStart, Tableau, TrialOutcome, TrialStep, add_dissipation,
+    Dissipation, Ivp, Layout, Method, MethodName, Norm, Part, Stage, StepStart, Tableau, TrialOutcome,
+    TrialStep, add_dissipation,
 };
-use crate::math::larger;
 
 /// Largest number of stages of a table.
 const MOST: usize = 7;
@@ -12,7 +12,7 @@ const MOST: usize = 7;
 ///
 /// A slope that is no longer needed may have been overwritten by the slope of a later stage, which is then
 /// found in both entries. All later weights of the overwritten slope are 0.
-type Slopes<'a, S> = [&'a [S]; MOST];
+type Slopes<'a> = [&'a [f64]; MOST];
 
 /// The Runge-Kutta method of one table.
 pub struct RungeKutta {
@@ -30,8 +30,8 @@ impl RungeKutta {
 
     /// The slopes of a trial whose vectors are `slope` and `stages`; `first` is the slope of stage 0.
     #[inline(always)]
-    fn slopes<'a, S>(&self, first: &'a [S], slope: &'a [S], stages: &'a [Vec<S>]) -> Slopes<'a, S> {
-        let mut slopes: Slopes<'a, S> = [&[]; MOST];
+    fn slopes<'a>(&self, first: &'a [f64], slope: &'a [f64], stages: &'a [Vec<f64>]) -> Slopes<'a> {
+        let mut slopes: Slopes<'a> = [&[]; MOST];
         slopes[0] = first;
         for (slope_at, &slot) in slopes[1..].iter_mut().zip(&self.slots) {
             *slope_at = if slot == 0 { slope } else { &stages[slot - 1] };
@@ -39,28 +39,57 @@ impl RungeKutta {
         slopes
     }
 
-    /// Error of row `i` in the given norm.
-    #[inline(always)]
-    fn error<S: Linear>(&self, i: usize, h: f64, norm: &Norm, slopes: &Slopes<S>) -> f64 {
-        let scale = if norm.rate { 1.0 } else { h / 3.0 };
-        combine(self.tableau.error, scale, slopes, i).magnitude(&norm.weights)
+    /// Largest error of the rows `part`, in the given norm.
+    fn error(&self, part: Part, h: f64, norm: &Norm, slopes: &Slopes) -> f64 {
+        let weights = Weights::new(self.tableau.error, if norm.rate { 1.0 } else { h / 3.0 });
+        norm.largest(part, |k| weights.sum(slopes, k))
     }
 }
 
-/// The weighted sum of the slopes of row `i`, times `h`.
-#[inline(always)]
-fn combine<S: Linear>(weights: &[f64], h: f64, slopes: &Slopes<S>, i: usize) -> S {
-    let mut sum = S::zero();
-    for (weight, slope) in weights.iter().zip(slopes) {
-        if *weight != 0.0 {
-            sum.add_scaled(h * weight, &slope[i]);
+/// The weights of a sum of slopes that are not 0, each times the step.
+struct Weights {
+    /// Index of the slope, and its weight.
+    terms: [(usize, f64); MOST],
+    count: usize,
+}
+
+impl Weights {
+    fn new(weights: &[f64], h: f64) -> Self {
+        let (mut terms, mut count) = ([(0, 0.0); MOST], 0);
+        for (s, weight) in weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
+            terms[count] = (s, h * weight);
+            count += 1;
+        }
+        Weights { terms, count }
+    }
+
+    /// The weighted sum of number `k` of the slopes.
+    #[inline(always)]
+    fn sum(&self, slopes: &Slopes, k: usize) -> f64 {
+        self.terms[..self.count].iter().fold(0.0, |sum, &(s, weight)| sum + slopes[s][k] * weight)
+    }
+
+    /// Writes `y` plus the weighted sums of the slopes to `state`; all slices have its length.
+    fn add_to(&self, y: &[f64], slopes: &Slopes, state: &mut [f64]) {
+        /// Numbers that are summed side by side.
+        const LANES: usize = 16;
+        for start in (0..state.len()).step_by(LANES) {
+            let range = start..state.len().min(start + LANES);
+            let mut sums = [0.0; LANES];
+            for &(s, weight) in &self.terms[..self.count] {
+                for (sum, slope) in sums.iter_mut().zip(&slopes[s][range.clone()]) {
+                    *sum += slope * weight;
+                }
+            }
+            for ((number, y), sum) in state[range.clone()].iter_mut().zip(&y[range]).zip(sums) {
+                *number = y + sum;
+            }
         }
     }
-    sum
 }
 
 /// The vector in a slot that `slots` assigned.
-fn vector_at<'a, S>(slot: usize, slope: &'a mut Vec<S>, stages: &'a mut [Vec<S>]) -> &'a mut Vec<S> {
+fn vector_at<'a>(slot: usize, slope: &'a mut Vec<f64>, stages: &'a mut [Vec<f64>]) -> &'a mut Vec<f64> {
     if slot == 0 { slope } else { &mut stages[slot - 1] }
 }
 
@@ -99,8 +128,8 @@ fn slots(tableau: &Tableau) -> Vec<usize> {
     slots
 }
 
-impl<P: Ivp> Method<P> for RungeKutta {
-    fn name(&self) -> &'static str {
+impl Method for RungeKutta {
+    fn name(&self) -> MethodName {
         self.tableau.name
     }
 
@@ -110,14 +139,14 @@ impl<P: Ivp> Method<P> for RungeKutta {
 
     fn attempt(
         &mut self,
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
         h: f64,
         norm: &Norm,
-        trial: &mut TrialStep<P::State>,
+        trial: &mut TrialStep,
     ) -> TrialOutcome {
         let n = step_start.y.len();
-        trial.reset(n, Method::<P>::stages(self));
+        trial.reset(n, self.stages());
         let table = self.tableau;
         ivp.begin();
         trial.evaluations = step_start.find_slope(ivp);
@@ -130,36 +159,30 @@ impl<P: Ivp> Method<P> for RungeKutta {
             let mut new = std::mem::take(vector_at(slot, slope, stages));
             let slopes = self.slopes(first, slope, stages);
             let is_result = table.first_same_as_last && s + 1 == table.stages();
-            let make = |_: usize,
-                        start: usize,
-                        [next]: [&mut [P::State]; 1],
-                        stages: &mut [P::State],
-                        old: &mut [P::State]| {
-                let slopes = slopes.map(|slope| if slope.is_empty() { &*old } else { &slope[start..] });
-                for (k, stage) in stages.iter_mut().enumerate() {
-                    *stage = y[start + k];
-                    stage.add_scaled(1.0, &combine(table.a[s], h, &slopes, k));
-                }
+            let weights = Weights::new(table.a[s], h);
+            let make = |_: usize, stage: Stage| {
+                let Stage { part, vectors: [next, ..], state, slope: old } = stage;
+                let slopes =
+                    slopes.map(|slope| if slope.is_empty() { &*old } else { &slope[part.range()] });
+                weights.add_to(&y[part.range()], &slopes, state);
                 if is_result {
-                    next.copy_from_slice(stages);
+                    next.copy_from_slice(state);
                 }
             };
-            ivp.rhs_of(step_start.t + table.c[s] * h, y, [0, 1], [next], &mut new, &make);
+            let vectors = [&mut next[..], &mut [], &mut []];
+            ivp.rhs_of(step_start.t + table.c[s] * h, y, [0, 1], vectors, &mut new, &make);
             *vector_at(slot, slope, stages) = new;
             self.dissipation[s - 1] = ivp.dissipation();
         }
         let slopes = self.slopes(first, slope, stages);
-        let finish = |start: usize, part: &mut [P::State]| {
-            let mut worst = 0.0;
-            for (i, next) in (start..).zip(part) {
-                // If the last stage is the result, `next` already holds it.
-                if !table.first_same_as_last {
-                    *next = y[i];
-                    next.add_scaled(1.0, &combine(table.b, h, &slopes, i));
-                }
-                worst = larger(worst, self.error(i, h, norm, &slopes));
+        let weights = Weights::new(table.b, h);
+        let finish = |part: Part, rows: &mut [f64]| {
+            // Where the last stage is the result, `next` holds it already.
+            if !table.first_same_as_last {
+                let slopes = slopes.map(|slope| if slope.is_empty() { slope } else { &slope[part.range()] });
+                weights.add_to(&y[part.range()], &slopes, rows);
             }
-            worst
+            self.error(part, h, norm, &slopes)
         };
         let outcome = ivp.agree(y, next, &finish);
         trial.evaluations += table.stages() as u64 - 1;
@@ -182,26 +205,26 @@ impl<P: Ivp> Method<P> for RungeKutta {
         &self,
         share: f64,
         h: f64,
-        step_start: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
-        i: usize,
-    ) -> Option<P::State> {
-        let weights = (self.tableau.dense?)(share);
-        let mut state = step_start.y[i];
+        step_start: &StepStart,
+        trial: &TrialStep,
+        _layout: &Layout,
+    ) -> Option<Vec<f64>> {
+        let weights = Weights::new(&(self.tableau.dense?)(share), h);
         let slopes = self.slopes(&step_start.slope, &trial.slope, &trial.stages);
-        state.add_scaled(1.0, &combine(&weights, h, &slopes, i));
+        let mut state = step_start.y.clone();
+        weights.add_to(&step_start.y, &slopes, &mut state);
         Some(state)
     }
 
     fn error_of(
         &self,
-        i: usize,
+        part: Part,
         h: f64,
         norm: &Norm,
-        step_start: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
+        step_start: &StepStart,
+        trial: &TrialStep,
     ) -> f64 {
-        self.error(i, h, norm, &self.slopes(&step_start.slope, &trial.slope, &trial.stages))
+        self.error(part, h, norm, &self.slopes(&step_start.slope, &trial.slope, &trial.stages))
     }
 
     fn stages(&self) -> usize {

@@ -1,6 +1,6 @@
 //! Stiffness at a state: the spectral radius of df/dy, by a power iteration that evaluates f only.
 
-use super::{Ivp, Linear, StepStart, TrialStep, fit};
+use super::{Ivp, Stage, StepStart, TrialStep, fit, no_vectors};
 use crate::threads::{self, GRAIN};
 use serde::{Deserialize, Serialize};
 
@@ -52,11 +52,11 @@ impl SpectralRadius {
     /// Collective.
     ///
     /// Returns the number of right-hand sides evaluated. `trial` is used as work space: its result is lost.
-    pub fn update<P: Ivp>(
+    pub fn update(
         &mut self,
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
-        trial: &mut TrialStep<P::State>,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
+        trial: &mut TrialStep,
     ) -> u64 {
         if !self.doubted && self.served < SHARED {
             self.served += 1;
@@ -94,40 +94,35 @@ impl SpectralRadius {
     /// Collective.
     ///
     /// Returns the length of the image.
-    fn apply<P: Ivp>(
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
-        trial: &mut TrialStep<P::State>,
+    fn apply(
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
+        trial: &mut TrialStep,
         length: f64,
     ) -> f64 {
         let (small, direction, y) = (ivp.small_length(), &mut step_start.direction, &step_start.y);
         let along = &*direction;
-        let make = |_: usize,
-                    start: usize,
-                    []: [&mut [P::State]; 0],
-                    stages: &mut [P::State],
-                    _: &mut [P::State]| {
-            for (k, stage) in stages.iter_mut().enumerate() {
-                *stage = y[start + k];
-                stage.add_scaled(small / length, &along[start + k]);
+        let scale = small / length;
+        let make = |_: usize, stage: Stage| {
+            let range = stage.part.range();
+            for ((number, y), along) in stage.state.iter_mut().zip(&y[range.clone()]).zip(&along[range]) {
+                *number = y + along * scale;
             }
         };
-        ivp.rhs_of(step_start.t, y, [0, 1], [], &mut trial.slope, &make);
+        ivp.rhs_of(step_start.t, y, [0, 1], no_vectors(), &mut trial.slope, &make);
         let (slope, first) = (&trial.slope, &step_start.slope);
-        threads::for_chunks(direction, GRAIN, |start, chunk| {
-            for (k, direction) in chunk.iter_mut().enumerate() {
-                let mut image = P::State::zero();
-                image.add_scaled(1.0 / small, &slope[start + k]);
-                image.add_scaled(-1.0 / small, &first[start + k]);
-                *direction = image;
+        let scale = 1.0 / small;
+        threads::for_chunks(direction, 8 * GRAIN, |start, chunk| {
+            for (k, direction) in (start..).zip(chunk) {
+                *direction = 0.0 + slope[k] * scale + first[k] * -scale;
             }
         });
         ivp.length(direction)
     }
 
-    /// Adds a small part of every direction to `direction`, of `n` rows. If there is no direction yet,
+    /// Adds a small part of every direction to `direction`, of `n` numbers. If there is no direction yet,
     /// creates one.
-    fn mix<P: Ivp>(&mut self, ivp: &mut P, direction: &mut Vec<P::State>, n: usize) {
+    fn mix(&mut self, ivp: &mut dyn Ivp, direction: &mut Vec<f64>, n: usize) {
         self.round += 1;
         let mut share = MIXED_IN * self.stretch;
         if self.stretch == 0.0 {
@@ -136,7 +131,7 @@ impl SpectralRadius {
         }
         debug_assert!(
             direction.is_empty() || direction.len() == n,
-            "a direction migrates with its particles"
+            "a direction moves with its rows"
         );
         fit(direction, n);
         ivp.add_direction(self.round, share, direction);

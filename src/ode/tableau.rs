@@ -1,10 +1,12 @@
 //! Explicit Runge-Kutta methods as tables of coefficients.
 
+use super::MethodName;
+
 /// An explicit Runge-Kutta method with an error estimate.
 #[derive(Debug)]
 pub struct Tableau {
     /// Name in the scene file.
-    pub name: &'static str,
+    pub name: MethodName,
     /// Order of the result.
     pub order: u32,
     /// Times of the stages as shares of the step.
@@ -43,7 +45,7 @@ impl Tableau {
 /// The error rate and the step size rule are those of the paper's solver (P. Strachota, M. Beneš, ALGORITMY
 /// 2016, 23-32): the rate is 3/h times Merson's estimate of the local error.
 pub const MERSON: Tableau = Tableau {
-    name: "merson",
+    name: MethodName::Merson,
     order: 4,
     c: &[0.0, 1.0 / 3.0, 1.0 / 3.0, 0.5, 1.0],
     a: &[&[], &[1.0 / 3.0], &[1.0 / 6.0, 1.0 / 6.0], &[0.125, 0.0, 0.375], &[0.5, 0.0, -1.5, 2.0]],
@@ -61,7 +63,7 @@ pub const MERSON: Tableau = Tableau {
 ///
 /// J. R. Dormand, P. J. Prince, J. Comput. Appl. Math. 6 (1980) 19-26, table 2; MATLAB's ode45.
 pub const DORMAND_PRINCE: Tableau = Tableau {
-    name: "dormand-prince",
+    name: MethodName::DormandPrince,
     order: 5,
     c: &[0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0],
     a: &[

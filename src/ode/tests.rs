@@ -2,65 +2,56 @@
 //! right-hand sides.
 
 use super::*;
-use crate::math::larger;
 use nalgebra::Vector2;
 
-/// Position and velocity of one oscillator.
+/// Position and velocity of one oscillator: a row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Point {
     x: f64,
     v: f64,
 }
 
-impl Linear for Point {
-    fn zero() -> Self {
-        Point { x: 0.0, v: 0.0 }
-    }
-    fn add_scaled(&mut self, s: f64, other: &Self) {
-        self.x += s * other.x;
-        self.v += s * other.v;
-    }
-    fn magnitude(&self, weights: &Weights) -> f64 {
-        larger(larger(0.0, weights.x * self.x.abs()), weights.v * self.v.abs())
-    }
-    fn kick(&mut self, h: f64, slope: &Self) {
-        self.v += h * slope.v;
-    }
-    fn drift(&mut self, h: f64) {
-        self.x += h * self.v;
-    }
+/// The point in a vector of one row.
+fn point(y: &[f64]) -> Point {
+    Point { x: y[0], v: y[1] }
 }
 
-/// x'' = force(t, x, v), for several points at once.
+/// A norm in which position and velocity count alike.
+fn plain(rate: bool) -> Norm {
+    Norm { weights: vec![vec![1.0, 1.0]], rate }
+}
+
+/// x'' = force(t, x, v) for one point.
 struct Points<F> {
     force: F,
     evaluations: u64,
+    layout: Layout,
+}
+
+impl<F> Points<F> {
+    fn new(force: F) -> Self {
+        let layout = Layout(vec![Segment { rows: 1, width: 2, positions: 1 }]);
+        Points { force, evaluations: 0, layout }
+    }
 }
 
 impl<F: Fn(f64, &Point) -> f64> Ivp for Points<F> {
-    type State = Point;
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
     fn begin(&mut self) {}
-    fn rhs(&mut self, t: f64, y: &[Point], dydt: &mut [Point]) {
+    fn rhs(&mut self, t: f64, y: &[f64], dydt: &mut [f64]) {
         self.evaluations += 1;
-        for (slope, y) in dydt.iter_mut().zip(y) {
-            *slope = Point { x: y.v, v: (self.force)(t, y) };
-        }
+        dydt.copy_from_slice(&[y[1], (self.force)(t, &point(y))]);
     }
-    fn agree(
-        &mut self,
-        _y: &[Point],
-        next: &mut [Point],
-        finish: &(impl Fn(usize, &mut [Point]) -> f64 + Sync),
-    ) -> TrialOutcome {
-        TrialOutcome { error: finish(0, next), covered: true, within_travel: true }
+    fn agree(&mut self, _y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
+        TrialOutcome { error: finish(self.layout.whole(0), next), covered: true, within_travel: true }
     }
-    fn length(&mut self, v: &[Point]) -> f64 {
-        v.iter().map(|p| Vector2::new(p.x, p.v).norm_squared()).sum::<f64>().sqrt()
+    fn length(&mut self, v: &[f64]) -> f64 {
+        v.iter().map(|number| number * number).sum::<f64>().sqrt()
     }
-    fn add_direction(&mut self, round: u64, share: f64, v: &mut [Point]) {
-        for (k, v) in v.iter_mut().enumerate() {
-            v.add_scaled(share, &Point { x: 0.0, v: 1.0 + 0.1 * ((k as u64 + round) % 3) as f64 });
-        }
+    fn add_direction(&mut self, round: u64, share: f64, v: &mut [f64]) {
+        v[1] += share * (1.0 + 0.1 * (round % 3) as f64);
     }
     fn small_length(&self) -> f64 {
         1.5e-8
@@ -78,14 +69,14 @@ fn free_pendulum(_t: f64, p: &Point) -> f64 {
 }
 
 type Solve = fn(f64, &Point) -> f64;
-type Any = Box<dyn Method<Points<Solve>>>;
+type Any = Box<dyn Method>;
 
 /// The state at t = 2 after `steps` steps, and the number of right-hand sides.
-fn integrate(method: &mut dyn Method<Points<Solve>>, force: Solve, steps: u32) -> (Point, u64) {
-    let mut ivp = Points { force, evaluations: 0 };
-    let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+fn integrate(method: &mut dyn Method, force: Solve, steps: u32) -> (Point, u64) {
+    let mut ivp = Points::new(force);
+    let mut step_start = StepStart::new(0.0, vec![1.0, 0.2]);
     let (mut trial, h) = (TrialStep::default(), 2.0 / f64::from(steps));
-    let norm = Norm { weights: Weights::MIXED, rate: false };
+    let norm = plain(false);
     for k in 0..steps {
         method.stable_step(&mut ivp, &mut step_start, &mut trial);
         method.attempt(&mut ivp, &mut step_start, h, &norm, &mut trial);
@@ -93,7 +84,7 @@ fn integrate(method: &mut dyn Method<Points<Solve>>, force: Solve, steps: u32) -
         std::mem::swap(&mut step_start.slope, &mut trial.slope);
         (step_start.t, step_start.slope_known) = (f64::from(k + 1) * h, trial.slope_known);
     }
-    (step_start.y[0], ivp.evaluations)
+    (point(&step_start.y), ivp.evaluations)
 }
 
 fn distance(a: Point, b: Point) -> f64 {
@@ -214,8 +205,8 @@ fn the_spectral_radius_of_damping_and_of_an_oscillation_is_found() {
     let cases: [(Solve, f64); 3] =
         [(|_, p| -500.0 * p.v, 500.0), (|_, p| -400.0 * p.x, 20.0), (|_, p| -1e4 * p.x - 1e3 * p.v, 989.9)];
     for (force, exact) in cases {
-        let mut ivp = Points { force, evaluations: 0 };
-        let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+        let mut ivp = Points::new(force);
+        let mut step_start = StepStart::new(0.0, vec![1.0, 0.2]);
         step_start.find_slope(&mut ivp);
         let mut radius = SpectralRadius::default();
         radius.update(&mut ivp, &mut step_start, &mut TrialStep::default());
@@ -226,20 +217,20 @@ fn the_spectral_radius_of_damping_and_of_an_oscillation_is_found() {
 
 #[test]
 fn first_same_as_last_and_rejected_trials_save_right_hand_sides() {
-    let counts = |method: &mut dyn Method<Points<Solve>>| integrate(method, free_pendulum, 10).1;
+    let counts = |method: &mut dyn Method| integrate(method, free_pendulum, 10).1;
     assert_eq!(counts(&mut RungeKutta::new(&MERSON)), 50);
     assert_eq!(counts(&mut RungeKutta::new(&DORMAND_PRINCE)), 61);
     assert_eq!(counts(&mut Verlet), 11);
     // A repeated trial knows the slope at its start and gives the same result.
-    let mut ivp: Points<Solve> = Points { force: free_pendulum, evaluations: 0 };
-    let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.0 }]);
-    let norm = Norm { weights: Weights::MIXED, rate: true };
+    let mut ivp: Points<Solve> = Points::new(free_pendulum);
+    let mut step_start = StepStart::new(0.0, vec![1.0, 0.0]);
+    let norm = plain(true);
     let (mut method, mut trial) = (RungeKutta::new(&MERSON), TrialStep::default());
     method.attempt(&mut ivp, &mut step_start, 0.1, &norm, &mut trial);
-    let once = trial.next[0];
+    let once = trial.next.clone();
     method.attempt(&mut ivp, &mut step_start, 0.2, &norm, &mut trial);
     method.attempt(&mut ivp, &mut step_start, 0.1, &norm, &mut trial);
-    assert_eq!((ivp.evaluations, trial.evaluations, trial.next[0]), (13, 4, once));
+    assert_eq!((ivp.evaluations, trial.evaluations, &trial.next), (13, 4, &once));
 }
 
 #[test]
@@ -250,26 +241,30 @@ fn the_inside_of_a_step_joins_its_ends_smoothly() {
         (Box::new(Verlet), 1e-4),
     ];
     for (mut method, tolerance) in methods {
-        let mut ivp: Points<Solve> = Points { force: free_pendulum, evaluations: 0 };
-        let mut step_start = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
-        let norm = Norm { weights: Weights::MIXED, rate: false };
+        let mut ivp: Points<Solve> = Points::new(free_pendulum);
+        let mut step_start = StepStart::new(0.0, vec![1.0, 0.2]);
+        let norm = plain(false);
         let mut trial = TrialStep::default();
         method.stable_step(&mut ivp, &mut step_start, &mut trial);
         method.attempt(&mut ivp, &mut step_start, 0.05, &norm, &mut trial);
         let inside =
-            |share| method.inside(share, 0.05, &step_start, &trial, 0).expect("it has a dense output");
+            |share| {
+                let inside = method.inside(share, 0.05, &step_start, &trial, ivp.layout());
+                point(&inside.expect("it has a dense output"))
+            };
         assert!(
-            distance(inside(0.0), step_start.y[0]) < 1e-15 && distance(inside(1.0), trial.next[0]) < 1e-15
+            distance(inside(0.0), point(&step_start.y)) < 1e-15
+                && distance(inside(1.0), point(&trial.next)) < 1e-15
         );
         // The reference is many small steps of the most accurate method, up to the middle of the step.
-        let mut fine = StepStart::new(0.0, vec![Point { x: 1.0, v: 0.2 }]);
+        let mut fine = StepStart::new(0.0, vec![1.0, 0.2]);
         let (mut exact, mut step) = (RungeKutta::new(&DORMAND_PRINCE), TrialStep::default());
         for _ in 0..25 {
             exact.attempt(&mut ivp, &mut fine, 0.001, &norm, &mut step);
             fine.y.copy_from_slice(&step.next);
             fine.slope_known = false;
         }
-        let error = distance(inside(0.5), fine.y[0]);
+        let error = distance(inside(0.5), point(&fine.y));
         assert!(error < tolerance, "{}: {error:e}", method.name());
     }
 }
@@ -277,38 +272,38 @@ fn the_inside_of_a_step_joins_its_ends_smoothly() {
 #[test]
 fn what_is_lost_is_integrated_as_well_as_the_motion() {
     /// x'' = -c v, which loses the power c v^2. The energy lost from v = 1 up to t = 1 is (1 - e^(-2c))/2.
-    struct Brake(Points<Solve>);
+    struct Brake {
+        points: Points<Solve>,
+        power: f64,
+    }
     impl Ivp for Brake {
-        type State = Point;
-        fn begin(&mut self) {
-            self.0.begin();
+        fn layout(&self) -> &Layout {
+            self.points.layout()
         }
-        fn rhs(&mut self, t: f64, y: &[Point], dydt: &mut [Point]) {
-            self.0.rhs(t, y, dydt);
-            self.0.evaluations = (3.0 * y[0].v * y[0].v).to_bits();
+        fn begin(&mut self) {
+            self.points.begin();
+        }
+        fn rhs(&mut self, t: f64, y: &[f64], dydt: &mut [f64]) {
+            self.points.rhs(t, y, dydt);
+            self.power = 3.0 * y[1] * y[1];
         }
         fn dissipation(&self) -> Dissipation {
-            [f64::from_bits(self.0.evaluations), 0.0]
+            [self.power, 0.0]
         }
-        fn agree(
-            &mut self,
-            y: &[Point],
-            next: &mut [Point],
-            finish: &(impl Fn(usize, &mut [Point]) -> f64 + Sync),
-        ) -> TrialOutcome {
-            self.0.agree(y, next, finish)
+        fn agree(&mut self, y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
+            self.points.agree(y, next, finish)
         }
-        fn length(&mut self, v: &[Point]) -> f64 {
-            self.0.length(v)
+        fn length(&mut self, v: &[f64]) -> f64 {
+            self.points.length(v)
         }
-        fn add_direction(&mut self, round: u64, share: f64, v: &mut [Point]) {
-            self.0.add_direction(round, share, v);
+        fn add_direction(&mut self, round: u64, share: f64, v: &mut [f64]) {
+            self.points.add_direction(round, share, v);
         }
         fn small_length(&self) -> f64 {
-            self.0.small_length()
+            self.points.small_length()
         }
     }
-    let methods: [(Box<dyn Method<Brake>>, f64); 4] = [
+    let methods: [(Any, f64); 4] = [
         (Box::new(RungeKutta::new(&MERSON)), 1e-7),
         (Box::new(RungeKutta::new(&DORMAND_PRINCE)), 1e-8),
         (Box::<Chebyshev>::default(), 1e-3),
@@ -316,9 +311,9 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
     ];
     for (mut method, tolerance) in methods {
         let force: Solve = |_, p| -3.0 * p.v;
-        let mut ivp = Brake(Points { force, evaluations: 0 });
-        let mut step_start = StepStart::new(0.0, vec![Point { x: 0.0, v: 1.0 }]);
-        let norm = Norm { weights: Weights::MIXED, rate: false };
+        let mut ivp = Brake { points: Points::new(force), power: 0.0 };
+        let mut step_start = StepStart::new(0.0, vec![0.0, 1.0]);
+        let norm = plain(false);
         let (mut trial, mut dissipated) = (TrialStep::default(), 0.0);
         for k in 0..50 {
             method.stable_step(&mut ivp, &mut step_start, &mut trial);
@@ -332,4 +327,100 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
         let exact = 0.5 * (1.0 - (-6.0f64).exp());
         assert!((dissipated - exact).abs() < tolerance, "{}: {dissipated} is not {exact}", method.name());
     }
+}
+
+/// Damped oscillators, and in a second segment the rate at which each pair of neighbours wears: rows that
+/// belong to contacts of the oscillators and change with them.
+struct Chain {
+    layout: Layout,
+}
+
+impl Chain {
+    const POINTS: usize = 5;
+
+    fn new() -> Self {
+        let points = Segment { rows: Self::POINTS, width: 2, positions: 1 };
+        let contacts = Segment { rows: Self::POINTS - 1, width: 1, positions: 0 };
+        Chain { layout: Layout(vec![points, contacts]) }
+    }
+
+    fn start() -> Vec<f64> {
+        let points = (0..Self::POINTS).flat_map(|k| [0.1 * k as f64, (k as f64).sin()]);
+        points.chain(std::iter::repeat_n(0.0, Self::POINTS - 1)).collect()
+    }
+}
+
+impl Ivp for Chain {
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+    fn begin(&mut self) {}
+    fn rhs(&mut self, _t: f64, y: &[f64], dydt: &mut [f64]) {
+        let n = Self::POINTS;
+        let (points, memory) = y.split_at(2 * n);
+        let (slopes, rates) = dydt.split_at_mut(2 * n);
+        for k in 0..n {
+            slopes[2 * k] = points[2 * k + 1];
+            slopes[2 * k + 1] = -4.0 * points[2 * k] - 0.2 * points[2 * k + 1];
+        }
+        for k in 0..n - 1 {
+            // The contact remembers its shear, which fades, and pulls at both of its points.
+            let shear = points[2 * k + 3] - points[2 * k + 1];
+            rates[k] = shear - 0.5 * memory[k];
+            slopes[2 * k + 1] += memory[k];
+            slopes[2 * k + 3] -= memory[k];
+        }
+    }
+    fn agree(&mut self, _y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
+        let parts = self.layout.clone();
+        let errors = parts.parts().map(|part| finish(part, &mut next[part.range()]));
+        let error = errors.fold(0.0, f64::max);
+        TrialOutcome { error, covered: true, within_travel: true }
+    }
+    fn length(&mut self, v: &[f64]) -> f64 {
+        v.iter().map(|number| number * number).sum::<f64>().sqrt()
+    }
+    fn add_direction(&mut self, round: u64, share: f64, v: &mut [f64]) {
+        v.iter_mut().enumerate().for_each(|(k, v)| *v += share * ((k as u64 * 7 + round) % 5) as f64);
+    }
+    fn small_length(&self) -> f64 {
+        1.5e-8
+    }
+}
+
+#[test]
+fn a_second_segment_is_integrated_with_the_order_of_the_method() {
+    let run = |method: &mut dyn Method, steps: u32| {
+        let mut ivp = Chain::new();
+        let mut step_start = StepStart::new(0.0, Chain::start());
+        let norm = Norm { weights: vec![vec![1.0; 2], vec![1.0]], rate: false };
+        let (mut trial, h) = (TrialStep::default(), 1.0 / f64::from(steps));
+        for k in 0..steps {
+            method.stable_step(&mut ivp, &mut step_start, &mut trial);
+            method.attempt(&mut ivp, &mut step_start, h, &norm, &mut trial);
+            step_start.y.copy_from_slice(&trial.next);
+            std::mem::swap(&mut step_start.slope, &mut trial.slope);
+            (step_start.t, step_start.slope_known) = (f64::from(k + 1) * h, trial.slope_known);
+        }
+        let error = method.error_of(ivp.layout().row(1, 2), h, &norm, &step_start, &trial);
+        assert!(error.is_finite());
+        step_start.y
+    };
+    let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let methods: [(fn() -> Any, u32, f64); 4] = [
+        (|| Box::new(RungeKutta::new(&MERSON)), 10, 4.0),
+        (|| Box::new(RungeKutta::new(&DORMAND_PRINCE)), 10, 5.0),
+        (|| Box::<Chebyshev>::default(), 20, 2.0),
+        (|| Box::new(Verlet), 100, 1.0),
+    ];
+    let mut ends = Vec::new();
+    for (method, steps, order) in methods {
+        let [coarse, middle, fine] = [1, 2, 4].map(|factor| run(method().as_mut(), factor * steps));
+        let found = (apart(&coarse, &middle) / apart(&middle, &fine)).log2();
+        let name = method().name();
+        assert!((found - order).abs() < 0.35, "{name}: order {found}, not {order}");
+        ends.push(fine);
+    }
+    // All agree on the memory of the contacts.
+    assert!(ends.iter().all(|end| apart(end, &ends[1]) < 5e-3), "{ends:?}");
 }

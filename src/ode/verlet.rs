@@ -6,16 +6,18 @@
 //! the half step. The order is 2 where forces depend on positions alone, and 1 where they depend on
 //! velocities.
 
-use super::{Ivp, Linear, Method, Norm, StepStart, TrialOutcome, TrialStep, add_dissipation};
-use crate::math::larger;
+use super::{
+    Ivp, Layout, Method, MethodName, Norm, Part, Stage, StepStart, TrialOutcome, TrialStep, add_dissipation,
+    largest_magnitude,
+};
 
 /// The method. It carries nothing over from step to step.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Verlet;
 
-impl<P: Ivp> Method<P> for Verlet {
-    fn name(&self) -> &'static str {
-        "velocity-verlet"
+impl Method for Verlet {
+    fn name(&self) -> MethodName {
+        MethodName::VelocityVerlet
     }
 
     fn error_order(&self) -> f64 {
@@ -24,43 +26,35 @@ impl<P: Ivp> Method<P> for Verlet {
 
     fn attempt(
         &mut self,
-        ivp: &mut P,
-        step_start: &mut StepStart<P::State>,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
         h: f64,
         _norm: &Norm,
-        trial: &mut TrialStep<P::State>,
+        trial: &mut TrialStep,
     ) -> TrialOutcome {
         trial.reset(step_start.y.len(), 0);
         ivp.begin();
         trial.evaluations = step_start.find_slope(ivp);
         let (y, first) = (&step_start.y, &step_start.slope);
         // The stage has the new positions and the velocities of the half step.
-        let make = |_: usize,
-                    start: usize,
-                    [next]: [&mut [P::State]; 1],
-                    stages: &mut [P::State],
-                    _: &mut [P::State]| {
-            for (k, half) in stages.iter_mut().enumerate() {
-                *half = y[start + k];
-                half.kick(0.5 * h, &first[start + k]);
-                half.drift(h);
-            }
-            next.copy_from_slice(stages);
+        let make = |_: usize, stage: Stage| {
+            let Stage { part, vectors: [next, ..], state, .. } = stage;
+            state.copy_from_slice(&y[part.range()]);
+            part.kick(0.5 * h, &first[part.range()], state);
+            part.drift(h, state);
+            next.copy_from_slice(state);
         };
-        ivp.rhs_of(step_start.t + h, y, [0, 1], [&mut trial.next], &mut trial.slope, &make);
+        let vectors = [&mut trial.next[..], &mut [], &mut []];
+        ivp.rhs_of(step_start.t + h, y, [0, 1], vectors, &mut trial.slope, &make);
         trial.evaluations += 1;
         (trial.slope_known, trial.dissipation) = (true, ivp.dissipation());
         add_dissipation(&mut trial.dissipated, 0.5 * h, &step_start.dissipation);
         add_dissipation(&mut trial.dissipated, 0.5 * h, &trial.dissipation);
         let TrialStep { next, slope, .. } = trial;
-        let finish = |start: usize, chunk: &mut [P::State]| {
-            let mut largest = 0.0;
-            for (next, slope) in chunk.iter_mut().zip(&slope[start..]) {
-                next.kick(0.5 * h, slope);
-                largest = larger(largest, next.max_abs());
-            }
+        let finish = |part: Part, rows: &mut [f64]| {
+            part.kick(0.5 * h, &slope[part.range()], rows);
             // There is no error estimate: a step is accepted if it is finite.
-            if largest < f64::INFINITY { 0.0 } else { f64::INFINITY }
+            if largest_magnitude(rows) < f64::INFINITY { 0.0 } else { f64::INFINITY }
         };
         ivp.agree(y, next, &finish)
     }
@@ -74,29 +68,32 @@ impl<P: Ivp> Method<P> for Verlet {
         &self,
         share: f64,
         h: f64,
-        step_start: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
-        i: usize,
-    ) -> Option<P::State> {
-        let mut state = step_start.y[i];
-        state.kick(0.5 * share * h, &step_start.slope[i]);
-        state.drift(share * h);
-        let mut mean = P::State::zero();
-        mean.add_scaled(1.0 - share, &step_start.slope[i]);
-        mean.add_scaled(share, &trial.slope[i]);
-        state.kick(0.5 * share * h, &mean);
+        step_start: &StepStart,
+        trial: &TrialStep,
+        layout: &Layout,
+    ) -> Option<Vec<f64>> {
+        let (first, last) = (&step_start.slope, &trial.slope);
+        let mean: Vec<f64> =
+            first.iter().zip(last).map(|(a, b)| 0.0 + a * (1.0 - share) + b * share).collect();
+        let mut state = step_start.y.clone();
+        for part in layout.parts() {
+            let rows = &mut state[part.range()];
+            part.kick(0.5 * share * h, &first[part.range()], rows);
+            part.drift(share * h, rows);
+            part.kick(0.5 * share * h, &mean[part.range()], rows);
+        }
         Some(state)
     }
 
     fn error_of(
         &self,
-        i: usize,
+        part: Part,
         _h: f64,
         _norm: &Norm,
-        _anchor: &StepStart<P::State>,
-        trial: &TrialStep<P::State>,
+        _step_start: &StepStart,
+        trial: &TrialStep,
     ) -> f64 {
-        trial.next[i].max_abs()
+        largest_magnitude(&trial.next[part.range()])
     }
 
     fn stages(&self) -> usize {

@@ -1,6 +1,6 @@
 //! Which effects a scene needs, and why. They are chosen once, before anything is computed.
 
-use crate::model::contact::{Coulomb, Dissipative, Elastic, Frictionless, Law};
+use crate::model::contact::{Dissipative, Frictionless, Law, LawParameters};
 use crate::model::effects::{Effects, Variant};
 use crate::scene::Scene;
 
@@ -47,36 +47,26 @@ impl Effects {
     }
 }
 
-/// The contact law of the scene with the given effects.
-pub fn law<R, T>(scene: &Scene, rebound: R, tangential: T) -> Law<R, T> {
-    Law {
+/// The numbers of the scene's contact law.
+pub fn law(scene: &Scene) -> LawParameters {
+    let (phi, v_min) =
+        scene.friction.as_ref().map_or((0.0, 1.0), |f| (f.coefficient, f.regularization_velocity));
+    LawParameters {
         r: scene.particles.radius,
         f_0: scene.contact.repulsion_at_contact,
         kappa: scene.contact.stiffness_exponent,
         l_max: scene.contact.interaction_distance,
-        rebound,
-        tangential,
+        e: scene.contact.restitution,
+        psi: scene.contact.dissipation_focusing,
+        phi,
+        v_min,
     }
 }
 
-/// The rebound function of the scene, eq. (2.4).
-pub fn dissipative(scene: &Scene) -> Dissipative {
-    Dissipative::new(scene.contact.restitution, scene.contact.dissipation_focusing)
-}
-
-/// The rebound function of e = 1: no dissipation.
-pub fn elastic(_scene: &Scene) -> Elastic {
-    Elastic
-}
-
-/// The friction of the scene, eqs. (2.6)-(2.10). Its coefficient is 0 if the scene has no friction.
-pub fn coulomb(scene: &Scene) -> Coulomb {
-    let (phi, v_min) =
-        scene.friction.as_ref().map_or((0.0, 1.0), |f| (f.coefficient, f.regularization_velocity));
-    Coulomb::new(phi, v_min)
-}
-
-/// The tangential law without friction.
-pub fn frictionless(_scene: &Scene) -> Frictionless {
-    Frictionless
+/// The normal force of the scene's contacts, eqs. (2.1) to (2.5), without friction. With e = 1 the rebound
+/// function is 1.
+pub fn normal_law(scene: &Scene) -> Law<Dissipative, Frictionless> {
+    let parameters = law(scene);
+    let rebound = Dissipative::new(parameters.e, parameters.psi);
+    Law { parameters, rebound, tangential: Frictionless }
 }

@@ -81,7 +81,7 @@ impl Cloud {
             }
         }
         let list = |vectors: &[Vec3]| vectors.iter().map(|&vector| vector.into()).collect();
-        let start = InitialCondition { x: list(&self.x), v: list(&self.v), omega: list(&self.omega) };
+        let start = InitialCondition { x: list(&self.x), v: list(&self.v), omega: list(&self.omega), ..InitialCondition::default() };
         let scene = self.scene();
         dispatch(&scene, Evaluate(&scene, &start))
     }

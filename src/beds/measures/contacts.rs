@@ -34,7 +34,7 @@ pub struct Contact {
 /// All contacts of a state: first pairs, then walls, each by ascending ids.
 pub fn contacts(scene: &Scene, state: &State) -> Vec<Contact> {
     let r = scene.particles.radius;
-    let law = effects::law(scene, effects::dissipative(scene), effects::frictionless(scene));
+    let law = effects::normal_law(scene);
     let x: Vec<Vec3> = state.x.iter().map(|&x| x.into()).collect();
     let v: Vec<Vec3> = state.v.iter().map(|&v| v.into()).collect();
     let contact = |i, partner, gap: f64, opening: f64| Contact {

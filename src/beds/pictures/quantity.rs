@@ -6,9 +6,7 @@ use crate::engine::neighbors::Lists;
 use crate::files::run_file::State;
 use crate::math::elementary::Separate;
 use crate::math::vector::Vec3;
-use crate::model::contact::{Dissipative, Frictionless, Law};
-use crate::model::particle::Locked;
-use crate::scene::Scene;
+use crate::scene::{Scene, effects};
 
 use super::options::Limits;
 
@@ -51,10 +49,10 @@ impl Quantity {
             Quantity::Speed => norms(&state.v),
             Quantity::Spin => norms(state.omega.as_deref().expect("the caller has looked for spins")),
             Quantity::Force => {
-                let law = law(scene);
+                let law = effects::normal_law(scene);
                 let mut sums = vec![0.0; state.x.len()];
-                for_each_contact(scene, state, law.l_max, |i, gap, n, v_rel| {
-                    sums[i] += law.action::<Separate, _>(gap, n, v_rel, &Locked).force.norm();
+                for_each_contact(scene, state, law.parameters.l_max, |i, gap, n, v_rel| {
+                    sums[i] += law.action::<Separate>(gap, n, v_rel, &Vec3::zeros()).force.norm();
                 });
                 sums
             }
@@ -77,19 +75,6 @@ impl Quantity {
             let room = if high == 0.0 { 1.0 } else { 0.5 * high.abs() };
             Limits { low: low - if self == Quantity::Height { room } else { 0.0 }, high: high + room }
         }
-    }
-}
-
-/// The normal force of the contacts of the scene, eqs. (2.1) to (2.5). With e = 1 the rebound function is 1.
-fn law(scene: &Scene) -> Law<Dissipative, Frictionless> {
-    let contact = &scene.contact;
-    Law {
-        r: scene.particles.radius,
-        f_0: contact.repulsion_at_contact,
-        kappa: contact.stiffness_exponent,
-        l_max: contact.interaction_distance,
-        rebound: Dissipative::new(contact.restitution, contact.dissipation_focusing),
-        tangential: Frictionless,
     }
 }
 

@@ -196,7 +196,7 @@ impl Progress {
     }
 
     /// Shows the progress after a frame was written.
-    pub fn frame<W>(&self, frame: &Frame<W>) {
+    pub fn frame(&self, frame: &Frame) {
         let Counts { accepted, rhs, .. } = frame.counts;
         let elapsed = self.started.elapsed().as_secs_f64();
         let rate = (frame.time - self.first.get_or_init(|| frame.time)) / elapsed.max(1e-9);

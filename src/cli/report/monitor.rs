@@ -3,7 +3,7 @@
 use crate::domain::Comm;
 use crate::engine::simulation::Frame;
 use crate::math::vector::Vec3;
-use crate::model::particle::Spin;
+use crate::model::columns::{position, velocity};
 use crate::model::wall::Wall;
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
@@ -58,10 +58,11 @@ impl Monitor {
     }
 
     /// Checks the particles of a frame.
-    pub fn follow<W: Spin>(&mut self, frame: &Frame<W>) {
-        let looks = frame.rows.map(|body| {
-            let depth = self.walls.iter().map(|wall| wall.depth(&body.x)).fold(f64::INFINITY, f64::min);
-            (depth, self.has_left(&body.x, &body.v, depth))
+    pub fn follow(&mut self, frame: &Frame) {
+        let looks = frame.rows.map(|row| {
+            let (x, v) = (position(row), velocity(row));
+            let depth = self.walls.iter().map(|wall| wall.depth(&x)).fold(f64::INFINITY, f64::min);
+            (depth, self.has_left(&x, &v, depth))
         });
         let ids = || (frame.first..).zip(&looks);
         self.left = ids().filter(|(_, (_, left))| *left).map(|(id, _)| id).collect();

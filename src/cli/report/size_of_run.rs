@@ -1,6 +1,7 @@
 //! Estimates before a run: bytes of its output and its checkpoints, and the number of its frames.
 
 use crate::files::checkpoint;
+use crate::model::columns::Columns;
 use crate::scene::Scene;
 
 /// Size of an output file without frames, bytes: mostly chunks of the small arrays.
@@ -15,7 +16,7 @@ pub fn output_bytes(scene: &Scene, count: u64) -> u64 {
 /// Upper bound of the size of both checkpoints together, bytes; 0 if the scene asks for none.
 pub fn checkpoint_bytes(scene: &Scene, count: u64) -> u64 {
     let slots = if scene.checkpoint.is_some() { 2 } else { 0 };
-    checkpoint::bytes(count, scene.rotates()).saturating_mul(slots)
+    checkpoint::bytes(count, &Columns::new(scene.rotates())).saturating_mul(slots)
 }
 
 /// Number of frames of the scene, including the one at t = 0.

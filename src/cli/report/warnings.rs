@@ -288,6 +288,7 @@ mod tests {
             x: list.iter().map(|&[x, _]| x).collect(),
             v: list.iter().map(|&[_, v]| v).collect(),
             omega: vec![[0.0; 3]; list.len()],
+            ..InitialCondition::default()
         }
     }
 

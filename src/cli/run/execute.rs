@@ -6,12 +6,11 @@ use crate::cli::run::interrupts::Interrupts;
 use crate::domain::agreement::{agree, share};
 use crate::domain::{Comm, launch, rows};
 use crate::engine::dynamics::Clocks;
-use crate::engine::simulation::{Frame, FrameSummary, Observer, Outcome, Simulation, Snapshot, Task};
+use crate::engine::simulation::{Frame, FrameSummary, Observer, Outcome, Simulation, Snapshot};
 use crate::error::Error;
 use crate::files::checkpoint::{self, Header};
 use crate::files::output::{self, Measures, Output, Quantity, Rows, RunInfo, Seconds};
-use crate::model::contact::{Law, Rebound, Tangential};
-use crate::model::particle::{Motion, Spin};
+use crate::model::columns::{position, spin, velocity};
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 use fail::fail_point;
@@ -28,7 +27,7 @@ pub(super) enum Beginning<'a> {
     Checkpoint(&'a Path),
 }
 
-/// A run of a scene, as a [`Task`] for the contact law that the scene chooses.
+/// A run of a scene.
 pub(super) struct Execution<'a> {
     pub ground: &'a Ground<'a>,
     /// Name of the run in messages: the scene file, or the output file that is resumed.
@@ -44,8 +43,8 @@ pub(super) struct Execution<'a> {
 }
 
 /// A simulation that is ready to run, and what is known about the run so far.
-struct Ready<S> {
-    simulation: S,
+struct Ready<'c> {
+    simulation: Simulation<'c>,
     count: u64,
     velocity_scale: f64,
     course: FrameSummary,
@@ -61,17 +60,13 @@ struct Ready<S> {
 
 impl Execution<'_> {
     /// Creates the simulation, from the initial condition or from a checkpoint. Collective.
-    fn ready<'c, R: Rebound, T: Tangential, W: Spin>(
-        &self,
-        law: Law<R, T>,
-        comm: &'c dyn Comm,
-    ) -> Result<Ready<Simulation<'c, R, T, W>>, Error> {
+    fn ready<'c>(&self, comm: &'c dyn Comm) -> Result<Ready<'c>, Error> {
         let (scene, start) = (self.scene, self.start);
         match self.beginning {
             Beginning::Start | Beginning::Again { .. } => {
                 let count = start.x.len() as u64;
                 Ok(Ready {
-                    simulation: Simulation::new(scene, start, law, comm)?,
+                    simulation: Simulation::new(scene, start, comm)?,
                     count,
                     velocity_scale: initial_condition::velocity_scale(scene, start),
                     course: FrameSummary { count, ..FrameSummary::default() },
@@ -85,10 +80,11 @@ impl Execution<'_> {
                 })
             }
             Beginning::Checkpoint(path) => {
-                let (header, remembered) = checkpoint::read::<W>(comm, path)?;
-                let Header { count, velocity_scale, course, serial, wall_seconds, .. } = header;
-                let frames = header.memory.frame;
-                let simulation = Simulation::resume(scene, law, comm, count, velocity_scale, remembered)?;
+                let (header, remembered) = checkpoint::read(comm, path)?;
+                let Header { count, columns, velocity_scale, course, serial, wall_seconds, .. } = header;
+                let frames = header.memory.progress.frame;
+                let particles = (count, columns);
+                let simulation = Simulation::resume(scene, comm, particles, velocity_scale, remembered)?;
                 Ok(Ready {
                     simulation,
                     count,
@@ -152,19 +148,18 @@ impl Execution<'_> {
     }
 }
 
-impl Task for Execution<'_> {
-    type Output = Result<(), Error>;
-
-    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Result<(), Error> {
+impl Execution<'_> {
+    /// Runs the scene to its end, or until it is stopped. Collective.
+    pub(super) fn run(self) -> Result<(), Error> {
         let Ground { args, comm, started, .. } = *self.ground;
-        let (scene, rotation) = (self.scene, W::COMPONENTS > 0);
+        let (scene, rotation) = (self.scene, self.scene.rotates());
         let interrupts = agree(
             comm,
             Interrupts::listen(scene, self.path, comm.rank(), started)
                 .map_err(|why| Error::Input(format!("signals cannot be listened to: {why}"))),
         )?;
         let request = || interrupts.request();
-        let ready = self.ready::<R, T, W>(law, comm)?;
+        let ready = self.ready(comm)?;
         let Ready { mut simulation, count, velocity_scale, course, frames, next, serial, wall_seconds } =
             ready;
         let info = self.info(velocity_scale);
@@ -268,14 +263,14 @@ impl Recorder<'_> {
     }
 }
 
-impl<W: Spin> Observer<W> for Recorder<'_> {
-    fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error> {
+impl Observer for Recorder<'_> {
+    fn frame(&mut self, frame: &Frame) -> Result<(), Error> {
         fail_point!("output");
         let column = |quantity| {
-            let vector = |body: &Motion<W>| match quantity {
-                Quantity::Position => body.x.into(),
-                Quantity::Velocity => body.v.into(),
-                Quantity::AngularVelocity => body.omega.vector().into(),
+            let vector = |row: &[f64]| match quantity {
+                Quantity::Position => position(row).into(),
+                Quantity::Velocity => velocity(row).into(),
+                Quantity::AngularVelocity => spin(row).into(),
             };
             frame.rows.map(vector)
         };
@@ -316,14 +311,14 @@ impl<W: Spin> Observer<W> for Recorder<'_> {
         Ok(())
     }
 
-    fn checkpoint(&mut self, snapshot: &Snapshot<W>) -> Result<(), Error> {
+    fn checkpoint(&mut self, snapshot: &Snapshot) -> Result<(), Error> {
         let header = Header {
             serial: self.serial + 1,
             version: self.info.version.clone(),
             instruction_set: self.info.instruction_set.clone(),
             scene: self.info.scene.clone(),
             count: snapshot.count,
-            rotation: W::COMPONENTS > 0,
+            columns: snapshot.columns.clone(),
             velocity_scale: self.info.velocity_scale,
             wall_seconds: self.wall_seconds(),
             course: self.course,

@@ -6,7 +6,6 @@ use crate::domain::agreement::{agree, share};
 use crate::domain::launch::{self, Threads};
 use crate::engine::dynamics::common_instructions;
 use crate::engine::load::load;
-use crate::engine::simulation;
 use crate::error::Error;
 use crate::files::output::Output;
 use crate::math::instructions::InstructionSet;
@@ -126,10 +125,7 @@ fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), E
     }
     let target = target?;
     let beginning = Beginning::Start;
-    simulation::dispatch(
-        &scene,
-        Execution { ground, name: path, file: &file, path: &target, scene: &scene, start: &start, beginning },
-    )
+    Execution { ground, name: path, file: &file, path: &target, scene: &scene, start: &start, beginning }.run()
 }
 
 /// Reads the scene `path` and its particles, and puts in the output file of the command line. Collective.

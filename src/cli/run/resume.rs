@@ -6,7 +6,6 @@ use crate::cli::report;
 use crate::domain::agreement::{agree, share};
 use crate::domain::{Comm, launch};
 use crate::engine::load::{check_memory, share_start};
-use crate::engine::simulation;
 use crate::error::Error;
 use crate::files::checkpoint::{self, Header};
 use crate::files::output::{self, Found, Output};
@@ -57,7 +56,7 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     warnings.iter().for_each(|warning| tell(warning));
     let execute = |scene: &Scene, start: &InitialCondition, beginning: Beginning| {
         let path = &path;
-        simulation::dispatch(scene, Execution { ground, name: file, file, path, scene, start, beginning })
+        Execution { ground, name: file, file, path, scene, start, beginning }.run()
     };
     match serde_json::from_str(&plan).expect("rank 0 made it") {
         Plan::Nothing { t } => {
@@ -158,7 +157,7 @@ fn plan(path: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Plan
         path: path.clone(),
         serial: header.serial,
         t: header.memory.t,
-        steps: header.memory.counts.accepted,
+        steps: header.memory.progress.counts.accepted,
         count: header.count,
         instruction_set: header.instruction_set.clone(),
         version: header.version.clone(),
@@ -186,11 +185,11 @@ fn fits(header: &Header, found: &Found, recorded: &Scene, path: &Path) -> Result
     if timeless(&scene) != timeless(recorded) || header.count != found.count {
         return of("is a checkpoint of another run".into());
     }
-    if header.memory.frame > found.frames {
+    if header.memory.progress.frame > found.frames {
         return of(format!(
             "was made after {} frames, and the file holds {}: it is not the file that the checkpoint belongs \
              to",
-            header.memory.frame, found.frames
+            header.memory.progress.frame, found.frames
         ));
     }
     Ok(())

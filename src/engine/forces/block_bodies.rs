@@ -11,8 +11,8 @@ use crate::engine::neighbors::Block;
 use crate::math::elementary::Separate;
 use crate::math::larger;
 use crate::math::vector::{Vec3, dot, minus};
-use crate::model::contact::Law;
-use crate::model::particle::{Motion, Spin};
+use crate::model::columns::position;
+use crate::model::contact::LawParameters;
 use crate::model::wall::Wall;
 
 /// Where the current state of a body can be read: number of the outbox, and index in that outbox.
@@ -60,12 +60,12 @@ impl Offset {
     /// Largest squared distance (m^2) of some `bodies` from their `marks` (m), or 0 if it certainly does not
     /// exceed `limit` (m^2).
     ///
-    /// `starts` are the same bodies at the start of the step. `way` (m^2) is the largest squared distance of
+    /// `starts` are the same bodies at the start of the step. Both are rows of `width` numbers. `way` (m^2) is the largest squared distance of
     /// the bodies from their starts. It must be infinite if a position is NaN.
-    pub fn furthest<W: Spin>(
+    pub fn furthest(
         &mut self,
         marks: &[Vec3],
-        (bodies, starts): (&[Motion<W>], &[Motion<W>]),
+        (bodies, starts, width): (&[f64], &[f64], usize),
         way: f64,
         limit: f64,
     ) -> f64 {
@@ -75,9 +75,10 @@ impl Offset {
             return 0.0;
         }
         let mut far = 0.0;
-        for ((mark, body), start) in marks.iter().zip(bodies).zip(starts) {
-            far = larger(far, distance_squared(&body.x, mark));
-            self.measured = larger(self.measured, distance_squared(&start.x, mark));
+        let ends = bodies.chunks_exact(width).zip(starts.chunks_exact(width));
+        for (mark, (body, start)) in marks.iter().zip(ends) {
+            far = larger(far, distance_squared(&position(body), mark));
+            self.measured = larger(self.measured, distance_squared(&position(start), mark));
         }
         far
     }
@@ -92,11 +93,14 @@ impl Offset {
 }
 
 /// The bodies of a block, and what its thread needs to work on them.
-pub struct BlockBodies<W> {
-    /// Bodies by slot: own particles first, then the ghosts of the block.
+#[derive(Default)]
+pub struct BlockBodies {
+    /// Bodies by slot, as rows of the state: own particles first, then the ghosts of the block.
     ///
     /// During a right-hand side, bodies that have not been made yet still hold an earlier stage.
-    pub bodies: Vec<Motion<W>>,
+    pub bodies: Vec<f64>,
+    /// Numbers in a row of the state.
+    pub width: usize,
     /// Positions of all bodies when the near pairs were picked, by slot, m.
     pub picked: Vec<Vec3>,
     /// How far own bodies are from `picked`.
@@ -111,17 +115,9 @@ pub struct BlockBodies<W> {
     pub batch: Batch,
 }
 
-impl<W> Default for BlockBodies<W> {
+impl Default for Offset {
     fn default() -> Self {
-        BlockBodies {
-            bodies: Vec::new(),
-            picked: Vec::new(),
-            from_picked: Offset::UNKNOWN,
-            from_origin: Offset::UNKNOWN,
-            ghost_sources: Vec::new(),
-            distances: [0.0; 3],
-            batch: Batch::default(),
-        }
+        Offset::UNKNOWN
     }
 }
 
@@ -132,17 +128,24 @@ pub fn allowed(r: f64) -> f64 {
     (0.5 * INNER_SKIN * r).powi(2)
 }
 
-impl<W: Spin> BlockBodies<W> {
+impl BlockBodies {
     /// Copies the bodies of the block from `bodies`, which holds all bodies of the rank by local index.
     ///
     /// Also empties `picked`, so `pick_near` must follow.
-    pub fn load(&mut self, block: &Block, bodies: &[Motion<W>]) {
-        let ghosts = block.ghosts.iter().map(|&i| bodies[i as usize]);
+    pub fn load(&mut self, block: &Block, bodies: &[f64], width: usize) {
+        self.width = width;
         let count = block.range.len() + block.ghosts.len();
-        clear_for(&mut self.bodies, count);
+        clear_for(&mut self.bodies, count * width);
         clear_for(&mut self.picked, count);
-        self.bodies.extend_from_slice(&bodies[block.range.clone()]);
-        self.bodies.extend(ghosts);
+        self.bodies.extend_from_slice(&bodies[block.range.start * width..block.range.end * width]);
+        for &ghost in &block.ghosts {
+            self.bodies.extend_from_slice(&bodies[ghost as usize * width..(ghost as usize + 1) * width]);
+        }
+    }
+
+    /// The body in a slot.
+    pub fn body(&self, slot: usize) -> &[f64] {
+        &self.bodies[slot * self.width..(slot + 1) * self.width]
     }
 
     /// Starts a step. Its start is another state than before, so both offsets become unknown.
@@ -158,40 +161,39 @@ impl<W: Spin> BlockBodies<W> {
     }
 
     /// Copies the exported bodies to the `outbox` of the block, which is as long as `Block::exported`.
-    pub fn export(&self, block: &Block, outbox: &mut [Motion<W>]) {
-        for (shown, &slot) in outbox.iter_mut().zip(&block.exported) {
-            *shown = self.bodies[slot as usize];
+    pub fn export(&self, block: &Block, outbox: &mut [f64]) {
+        for (row, &slot) in outbox.chunks_exact_mut(self.width).zip(&block.exported) {
+            row.copy_from_slice(self.body(slot as usize));
         }
     }
 
     /// Copies the ghosts of the block from the `outboxes` of all blocks and from the `ghosts` of the rank.
     ///
     /// Also finds how far they are from where near pairs were picked.
-    pub fn import_ghosts(&mut self, block: &Block, outboxes: &[Vec<Motion<W>>], ghosts: &[Motion<W>]) {
-        let first = block.range.len();
-        let picked = &self.picked[first..];
-        for ((ghost, &[outbox, k]), picked) in
-            self.bodies[first..].iter_mut().zip(&self.ghost_sources).zip(picked)
-        {
-            *ghost = outboxes.get(outbox as usize).map_or(ghosts, Vec::as_slice)[k as usize];
-            self.distances[2] = larger(self.distances[2], (ghost.x - picked).norm_squared());
+    pub fn import_ghosts(&mut self, block: &Block, outboxes: &[Vec<f64>], ghosts: &[f64]) {
+        let (first, width) = (block.range.len(), self.width);
+        let rows = self.bodies[first * width..].chunks_exact_mut(width);
+        for ((ghost, &[outbox, k]), picked) in rows.zip(&self.ghost_sources).zip(&self.picked[first..]) {
+            let source = outboxes.get(outbox as usize).map_or(ghosts, Vec::as_slice);
+            ghost.copy_from_slice(&source[k as usize * width..(k as usize + 1) * width]);
+            self.distances[2] = larger(self.distances[2], (position(ghost) - picked).norm_squared());
         }
     }
 
     /// Picks near pairs and walls for the current bodies, and stores the positions of these in `picked`.
-    pub fn pick_near<R, T>(&mut self, block: &mut Block, law: &Law<R, T>, walls: &[Wall]) {
+    pub fn pick_near(&mut self, block: &mut Block, law: &LawParameters, walls: &[Wall]) {
         let skin = INNER_SKIN * law.r;
         let (cutoff, wall_cutoff) = (2.0 * law.r + law.l_max + skin, law.r + law.l_max + 0.5 * skin);
         self.picked.clear();
-        self.picked.extend(self.bodies.iter().map(|body| body.x));
-        block.pick_near(&self.bodies, cutoff, (walls, wall_cutoff));
+        self.picked.extend(self.bodies.chunks_exact(self.width).map(position));
+        block.pick_near(&self.picked, cutoff, (walls, wall_cutoff));
         (self.distances[2], self.from_picked) = (0.0, Offset::UNKNOWN);
     }
 
     /// Picks near pairs and walls again if a body has moved too far since they were picked.
-    pub fn repick_if_strayed<R, T>(&mut self, block: &mut Block, law: &Law<R, T>, walls: &[Wall]) {
-        let distances =
-            self.bodies.iter().zip(&self.picked).map(|(body, picked)| (body.x - picked).norm_squared());
+    pub fn repick_if_strayed(&mut self, block: &mut Block, law: &LawParameters, walls: &[Wall]) {
+        let bodies = self.bodies.chunks_exact(self.width).zip(&self.picked);
+        let distances = bodies.map(|(body, picked)| (position(body) - picked).norm_squared());
         if distances.fold(0.0, larger) > allowed(law.r) {
             self.pick_near(block, law, walls);
         }
@@ -199,7 +201,7 @@ impl<W: Spin> BlockBodies<W> {
 
     /// Memory held, bytes.
     pub fn bytes(&self) -> usize {
-        self.bodies.capacity() * size_of::<Motion<W>>()
+        self.bodies.capacity() * size_of::<f64>()
             + self.picked.capacity() * size_of::<Vec3>()
             + self.ghost_sources.capacity() * size_of::<OutboxSlot>()
             + size_of::<Batch>()
@@ -219,7 +221,6 @@ pub fn clear_for<T>(vector: &mut Vec<T>, count: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::particle::Locked;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
@@ -238,40 +239,39 @@ mod tests {
             moved in proptest::array::uniform3(-0.3..0.3f64),
         ) {
             let limit = 0.1;
-            let body = |x: Vec3| Motion { x, v: Vec3::zeros(), omega: Locked };
+            let body = |x: Vec3| [x.x, x.y, x.z, 0.0];
             let marks: Vec<Vec3> = marks.into_iter().map(Vec3::from).collect();
             // At the start of the step the bodies are not at their marks, and each has moved differently.
             let moved_by = |k: usize, way: [f64; 3]| Vec3::from(way) / (k + 1) as f64;
-            let all = |way: &dyn Fn(usize) -> Vec3| -> Vec<_> {
-                marks.iter().enumerate().map(|(k, mark)| body(mark + way(k))).collect()
+            let all = |way: &dyn Fn(usize) -> Vec3| -> Vec<f64> {
+                marks.iter().enumerate().flat_map(|(k, mark)| body(mark + way(k))).collect()
             };
             let starts = all(&|k| moved_by(k, moved));
+            let centres = |rows: &[f64]| rows.chunks_exact(4).map(position).collect::<Vec<_>>();
             let mut offset = Offset::UNKNOWN;
             for stage in stages {
                 let bodies = all(&|k| moved_by(k, moved) + moved_by(k, stage));
                 let furthest = |from: &[Vec3]| {
-                    bodies
-                        .iter()
-                        .zip(from)
-                        .map(|(body, from)| distance_squared(&body.x, from))
-                        .fold(0.0, larger)
+                    let apart = centres(&bodies).into_iter().zip(from);
+                    apart.map(|(x, from)| distance_squared(&x, from)).fold(0.0, larger)
                 };
-                let way = furthest(&starts.iter().map(|start| start.x).collect::<Vec<_>>());
+                let way = furthest(&centres(&starts));
                 let (found, exact) =
-                    (offset.furthest(&marks, (&bodies, &starts), way, limit), furthest(&marks));
+                    (offset.furthest(&marks, (&bodies, &starts, 4), way, limit), furthest(&marks));
                 prop_assert!(found == exact || found == 0.0 && exact <= limit);
                 offset.end_stage();
             }
-            let far = marks.iter().zip(&starts).map(|(mark, start)| distance_squared(&start.x, mark));
+            let starts = centres(&starts);
+            let far = marks.iter().zip(&starts).map(|(mark, start)| distance_squared(start, mark));
             prop_assert_eq!(offset.known, far.fold(0.0, larger).sqrt());
         }
 
         #[test]
         fn a_body_that_is_nowhere_is_too_far(known in 0.0..1.0f64) {
-            let nowhere = Motion { x: Vec3::repeat(f64::NAN), v: Vec3::zeros(), omega: Locked };
+            let nowhere = [f64::NAN; 4];
             let mark = [Vec3::zeros()];
             for mut offset in [Offset { known, measured: 0.0 }, Offset::UNKNOWN] {
-                let found = offset.furthest(&mark, (&[nowhere], &[nowhere]), f64::INFINITY, 0.1);
+                let found = offset.furthest(&mark, (&nowhere, &nowhere, 4), f64::INFINITY, 0.1);
                 prop_assert_eq!(found, f64::INFINITY);
             }
         }

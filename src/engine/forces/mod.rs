@@ -10,16 +10,14 @@
 //! The submodule `pass` explains how a right-hand side is evaluated in blocks, `block_bodies` how blocks
 //! exchange bodies.
 
-use crate::engine::kernel::{self, Measure, Survey};
+use crate::engine::kernel::{GapMeasure, Inertia, Kernel, Survey, measure_gaps};
 use crate::engine::neighbors::{Block, Key, Lists};
-use crate::math::elementary::{Arithmetic, Separate};
 use crate::math::instructions::InstructionSet;
 use crate::math::larger;
 use crate::math::vector::Vec3;
-use crate::model::contact::{Action, Energies, Law, Rebound, Tangential};
-use crate::model::particle::{Motion, Spin};
+use crate::model::columns::{position, spin, velocity};
+use crate::model::contact::Action;
 use crate::model::wall::Wall;
-use crate::ode::Linear;
 use crate::threads;
 use block_bodies::{BlockBodies, OutboxSlot, clear_for};
 use blocks::each_block;
@@ -50,6 +48,14 @@ pub struct BodyParameters {
     pub walls: Vec<Wall>,
 }
 
+impl BodyParameters {
+    /// What turns forces and torques into accelerations.
+    pub fn inertia(&self) -> Inertia {
+        let BodyParameters { mass, inverse_inertia, gravity, .. } = *self;
+        Inertia { mass, inverse_inertia, gravity }
+    }
+}
+
 /// A contact whose force is not finite.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Broken {
@@ -70,52 +76,27 @@ const HANDOVER: u64 = 360;
 /// Bounds of blocks are moved when a block has more than this many times the mean work.
 const TOLERATED_IMBALANCE: f64 = 1.03;
 
-/// Measures how deep a contact is: how far its gap is below `l_max`, and its overlap, m.
-///
-/// The field is `l_max`, the largest gap at which surfaces interact, m. A number that would be negative is 0.
-pub struct Depth(pub f64);
-
-impl<W: Spin> Measure<W> for Depth {
-    const MOVES: bool = false;
-    #[inline(always)]
-    fn of<A: Arithmetic>(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
-        let above = |x: f64| if x > 0.0 { x } else { 0.0 };
-        [above(self.0 - gap), above(-gap)]
-    }
-}
-
-/// Measures the energy that a contact stores, J. The second number is 0.
-pub struct Stored<'a, R, T>(pub Energies<'a, R, T>);
-
-impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Stored<'_, R, T> {
-    const MOVES: bool = false;
-    #[inline(always)]
-    fn of<A: Arithmetic>(&self, gap: f64, _n: &Vec3, _v_rel: &Vec3, _spins: &W) -> [f64; 2] {
-        [self.0.stored::<A>(gap), 0.0]
-    }
-}
-
-/// Measures the power that a contact dissipates by rebound and by friction, W.
-pub struct Dissipated<'a, R, T>(pub Energies<'a, R, T>);
-
-impl<R: Rebound, T: Tangential, W: Spin> Measure<W> for Dissipated<'_, R, T> {
-    const MOVES: bool = true;
-    #[inline(always)]
-    fn of<A: Arithmetic>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2] {
-        self.0.dissipation::<A, W>(gap, n, v_rel, spins)
-    }
+/// Two numbers of every contact.
+#[derive(Debug, Clone, Copy)]
+pub enum Measure {
+    /// Numbers that depend on the gap alone.
+    Gap(GapMeasure),
+    /// Power that the contact dissipates by rebound and by friction, W.
+    Dissipation,
 }
 
 /// Blocks, and the bodies of each.
-type BlockParts<'a, W> = (&'a mut [Block], &'a mut [BlockBodies<W>]);
+type BlockParts<'a> = (&'a mut [Block], &'a mut [BlockBodies]);
 
 /// Blocks and their bodies, and the outbox of each.
-type WithOutbox<'a, W> = (BlockParts<'a, W>, &'a mut [Vec<Motion<W>>]);
+type WithOutbox<'a> = (BlockParts<'a>, &'a mut [Vec<f64>]);
 
 /// Bodies, lists and forces of one rank.
-pub struct Forces<R, T, W> {
-    /// Contact law.
-    pub law: Law<R, T>,
+pub struct Forces {
+    /// The contact law, with the effects of the scene compiled in.
+    pub kernel: Box<dyn Kernel>,
+    /// Numbers in a row of the state.
+    width: usize,
     /// Mass, inertia, gravity and walls.
     pub parameters: BodyParameters,
     /// Neighbour lists, by block.
@@ -127,15 +108,15 @@ pub struct Forces<R, T, W> {
     /// The bounds as shares of the owned particles, from 0 to 1. They are kept when lists are rebuilt.
     shares: Vec<f64>,
     /// The bodies of every block.
-    block_bodies: Vec<BlockBodies<W>>,
+    block_bodies: Vec<BlockBodies>,
     /// Outboxes of all blocks, in two sets that alternate from stage to stage.
     ///
     /// A block may start the next stage while other blocks still read its exported bodies of this one.
-    outboxes: [Vec<Vec<Motion<W>>>; 2],
+    outboxes: [Vec<Vec<f64>>; 2],
     /// Which of the two sets belongs to the current stage.
     current: usize,
     /// Ghosts of the rank: copies of the particles of other ranks that may touch owned ones.
-    ghosts: Vec<Motion<W>>,
+    ghosts: Vec<f64>,
     /// Where to read each of the particles that other ranks need.
     exports: Vec<OutboxSlot>,
     /// How many interior bodies of a block `advance_interior` has made in the current stage, at most.
@@ -143,11 +124,12 @@ pub struct Forces<R, T, W> {
     set: InstructionSet,
 }
 
-impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
+impl Forces {
     /// Forces without any particles. The processor must have the instructions of `set`.
-    pub fn new(law: Law<R, T>, parameters: BodyParameters, set: InstructionSet) -> Self {
+    pub fn new(kernel: Box<dyn Kernel>, parameters: BodyParameters, set: InstructionSet) -> Self {
         Forces {
-            law,
+            width: kernel.width(),
+            kernel,
             parameters,
             lists: Lists::default(),
             owned: 0,
@@ -163,7 +145,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         }
     }
 
-    /// Takes over `bodies` and builds their neighbour lists. The first `owned` of them are the owned
+    /// Takes over `bodies`, rows of the state, and builds their neighbour lists. The first `owned` of them are the owned
     /// particles, the others are ghosts.
     ///
     /// Lists pairs of centres within `cutoff` (m), and walls within `wall_cutoff` (m) of a centre. `keys`
@@ -172,7 +154,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// `exports` are the local indices of the owned particles that are ghosts on other ranks.
     pub fn list(
         &mut self,
-        bodies: &[Motion<W>],
+        bodies: &[f64],
         owned: usize,
         keys: &[Key],
         [cutoff, wall_cutoff]: [f64; 2],
@@ -184,7 +166,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         if self.shares.len() != blocks + 1 {
             self.shares = (0..=blocks).map(|b| b as f64 / blocks as f64).collect();
         }
-        let x: Vec<Vec3> = bodies.iter().map(|body| body.x).collect();
+        let x: Vec<Vec3> = bodies.chunks_exact(self.width).map(position).collect();
         let list = |forces: &mut Self| {
             let bound = |share: &f64| (share * owned as f64).round() as usize;
             forces.bounds = forces.shares.iter().map(bound).collect();
@@ -200,8 +182,9 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     }
 
     /// Copies all bodies to their blocks, sets up the outboxes, and picks near pairs and walls.
-    fn load_bodies(&mut self, bodies: &[Motion<W>], exports: impl Iterator<Item = usize> + Clone) {
-        let Forces { lists, owned, block_bodies, outboxes, ghosts, .. } = self;
+    fn load_bodies(&mut self, bodies: &[f64], exports: impl Iterator<Item = usize> + Clone) {
+        let Forces { lists, owned, block_bodies, outboxes, ghosts, width, .. } = self;
+        let width = *width;
         lists.find_exported(exports.clone());
         let blocks = lists.blocks.len();
         let source = |i: usize| match i.checked_sub(*owned) {
@@ -211,13 +194,13 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
         self.exports.clear();
         self.exports.extend(exports.map(source));
         block_bodies.resize_with(blocks, BlockBodies::default);
-        clear_for(ghosts, bodies.len() - *owned);
-        ghosts.extend_from_slice(&bodies[*owned..]);
+        clear_for(ghosts, bodies.len() - *owned * width);
+        ghosts.extend_from_slice(&bodies[*owned * width..]);
         for outboxes in outboxes {
             outboxes.resize_with(blocks, Vec::new);
             for (block, outbox) in lists.blocks.iter().zip(outboxes) {
-                clear_for(outbox, block.exported.len());
-                outbox.resize(block.exported.len(), Motion::zero());
+                clear_for(outbox, block.exported.len() * width);
+                outbox.resize(block.exported.len() * width, 0.0);
             }
         }
         for (block, local) in lists.blocks.iter().zip(block_bodies) {
@@ -226,10 +209,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             local.ghost_sources.clear();
             local.ghost_sources.extend(block.ghosts.iter().map(|&i| source(i as usize)));
         }
-        let Forces { law, parameters, lists, bounds, block_bodies, .. } = self;
-        let load_bodies = |(blocks, block_bodies): BlockParts<W>, ()| {
-            block_bodies[0].load(&blocks[0], bodies);
-            block_bodies[0].pick_near(&mut blocks[0], law, &parameters.walls);
+        let Forces { kernel, parameters, lists, bounds, block_bodies, .. } = self;
+        let law = kernel.law();
+        let load_bodies = |(blocks, block_bodies): BlockParts, ()| {
+            block_bodies[0].load(&blocks[0], bodies, width);
+            block_bodies[0].pick_near(&mut blocks[0], &law, &parameters.walls);
         };
         each_block(bounds, (&mut lists.blocks[..], &mut block_bodies[..]), (), &load_bodies, &|(), ()| ());
     }
@@ -264,77 +248,80 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// From now on evaluates contacts up to `gap` (m). The lists must cover that gap.
     pub fn evaluate_within(&mut self, gap: f64) {
-        self.law.l_max = gap;
-        let Forces { law, parameters, lists, bounds, block_bodies, .. } = self;
-        let pick = |(blocks, block_bodies): BlockParts<W>, ()| {
-            block_bodies[0].pick_near(&mut blocks[0], law, &parameters.walls)
+        self.kernel.set_cutoff(gap);
+        let Forces { kernel, parameters, lists, bounds, block_bodies, .. } = self;
+        let law = kernel.law();
+        let pick = |(blocks, block_bodies): BlockParts, ()| {
+            block_bodies[0].pick_near(&mut blocks[0], &law, &parameters.walls)
         };
         each_block(bounds, (&mut lists.blocks[..], &mut block_bodies[..]), (), &pick, &|(), ()| ());
     }
 
     /// The ghosts of the rank, by local index, for whoever refreshes them.
-    pub fn ghosts(&mut self) -> &mut [Motion<W>] {
+    pub fn ghosts(&mut self) -> &mut [f64] {
         &mut self.ghosts
     }
 
     /// Moves the owned bodies to `y`, in all blocks. The ghosts of the rank must be up to date.
-    pub fn put(&mut self, y: &[Motion<W>]) {
-        let Forces { law, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, .. } = self;
+    pub fn put(&mut self, y: &[f64]) {
+        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, width, .. } =
+            self;
+        let (law, width) = (kernel.law(), *width);
         let outboxes = &mut outboxes[*current];
         let own = ((&mut lists.blocks[..], &mut block_bodies[..]), &mut outboxes[..]);
-        let put = |((blocks, block_bodies), outboxes): WithOutbox<W>, y: &[Motion<W>]| {
-            block_bodies[0].bodies[..y.len()].copy_from_slice(y);
+        let put = |((blocks, block_bodies), outboxes): WithOutbox, ()| {
+            let range = blocks[0].range.start * width..blocks[0].range.end * width;
+            block_bodies[0].bodies[..range.len()].copy_from_slice(&y[range]);
             block_bodies[0].export(&blocks[0], &mut outboxes[0]);
         };
-        each_block(bounds, own, y, &put, &|(), ()| ());
-        let repick_if_strayed = |(blocks, block_bodies): BlockParts<W>, ()| {
+        each_block(bounds, own, (), &put, &|(), ()| ());
+        let follow = |(blocks, block_bodies): BlockParts, ()| {
             block_bodies[0].import_ghosts(&blocks[0], outboxes, ghosts);
-            block_bodies[0].repick_if_strayed(&mut blocks[0], law, &parameters.walls);
+            block_bodies[0].repick_if_strayed(&mut blocks[0], &law, &parameters.walls);
             block_bodies[0].distances = [0.0; 3];
         };
-        each_block(
-            bounds,
-            (&mut lists.blocks[..], &mut block_bodies[..]),
-            (),
-            &repick_if_strayed,
-            &|(), ()| (),
-        );
+        each_block(bounds, (&mut lists.blocks[..], &mut block_bodies[..]), (), &follow, &|(), ()| ());
     }
 
     /// Export `k`: the current body of the k-th particle that other ranks need, in the order given to `list`.
-    pub fn export(&self, k: usize) -> &Motion<W> {
+    pub fn export(&self, k: usize) -> &[f64] {
         let [outbox, slot] = self.exports[k];
-        &self.outboxes[self.current][outbox as usize][slot as usize]
+        let start = slot as usize * self.width;
+        &self.outboxes[self.current][outbox as usize][start..start + self.width]
     }
 
     /// Current bodies of all owned particles, by local index.
-    pub fn state(&self) -> Vec<Motion<W>> {
-        let own = |(block, local): (&Block, &BlockBodies<W>)| local.bodies[..block.range.len()].to_vec();
+    pub fn state(&self) -> Vec<f64> {
+        let own = |(block, local): (&Block, &BlockBodies)| {
+            local.bodies[..block.range.len() * self.width].to_vec()
+        };
         self.lists.blocks.iter().zip(&self.block_bodies).flat_map(own).collect()
     }
 
-    /// What a wall does to a body; nothing beyond `l_max`. A wall is a motionless partner with n = -n_k.
-    fn wall_action(&self, wall: &Wall, body: &Motion<W>) -> Option<Action<W>> {
-        let gap = wall.depth(&body.x) - self.law.r;
-        (gap <= self.law.l_max)
-            .then(|| self.law.action::<Separate, _>(gap, &-wall.normal, &body.v, &body.omega))
+    /// What a wall does to a body; nothing beyond the cutoff. A wall is a motionless partner with n = -n_k.
+    fn wall_action(&self, wall: &Wall, body: &[f64]) -> Option<Action> {
+        let law = self.kernel.law();
+        let gap = wall.depth(&position(body)) - law.r;
+        let action = || self.kernel.action(gap, &-wall.normal, &velocity(body), &spin(body));
+        (gap <= law.l_max).then(action)
     }
 
     /// What the contact of a pair does to its first particle, `a`.
-    fn pair_action(&self, a: &Motion<W>, b: &Motion<W>) -> Action<W> {
-        let apart = a.x - b.x;
+    fn pair_action(&self, a: &[f64], b: &[f64]) -> Action {
+        let law = self.kernel.law();
+        let apart = position(a) - position(b);
         let d = apart.norm();
-        let gap = d - 2.0 * self.law.r;
-        if gap > self.law.l_max {
+        let gap = d - 2.0 * law.r;
+        if gap > law.l_max {
             return Action::none();
         }
-        self.law.action::<Separate, _>(gap, &(apart / d), &(a.v - b.v), &a.omega.plus(&b.omega))
+        self.kernel.action(gap, &(apart / d), &(velocity(a) - velocity(b)), &(spin(a) + spin(b)))
     }
 
     /// Largest magnitude of each of the two numbers of `measure`, over all contacts of the current bodies.
     ///
     /// It is 0 without contacts, and infinite if a number is NaN.
-    pub fn largest(&mut self, measure: &impl Measure<W>) -> [f64; 2] {
+    pub fn largest(&mut self, measure: Measure) -> [f64; 2] {
         let add = |a: [f64; 2], b: [f64; 2]| std::array::from_fn(|k| larger(a[k], b[k].abs()));
         self.survey(measure, [0.0; 2], add, add)
     }
@@ -344,7 +331,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// The numbers are summed as `integers`, so that the order does not matter.
     pub fn total(
         &mut self,
-        measure: &impl Measure<W>,
+        measure: Measure,
         integers: impl Fn([f64; 2]) -> [i64; 2] + Sync,
     ) -> [i128; 2] {
         let add = |a: [i128; 2], b: [i128; 2]| std::array::from_fn(|k| a[k] + b[k]);
@@ -356,17 +343,23 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
     /// counts once. The order of the fold must not matter.
     fn survey<A: Copy + Send + Sync>(
         &mut self,
-        measure: &impl Measure<W>,
+        measure: Measure,
         identity: A,
         take: impl Fn(A, [f64; 2]) -> A + Sync,
         combine: impl Fn(A, A) -> A + Sync,
     ) -> A {
-        let Forces { law, parameters, lists, bounds, block_bodies, set, .. } = self;
-        let work = |(blocks, block_bodies): (&[Block], &mut [BlockBodies<W>]), ()| {
+        let Forces { kernel, parameters, lists, bounds, block_bodies, set, width, .. } = self;
+        let r = kernel.law().r;
+        let work = |(blocks, block_bodies): (&[Block], &mut [BlockBodies]), ()| {
             let BlockBodies { bodies, batch, .. } = &mut block_bodies[0];
             let mut sum = identity;
-            let survey = Survey { r: law.r, walls: &parameters.walls, bodies, block: &blocks[0], batch };
-            kernel::measure(*set, survey, measure, |terms| sum = take(sum, terms));
+            let walls = &parameters.walls[..];
+            let survey = Survey { r, walls, bodies, width: *width, block: &blocks[0], batch };
+            let take = &mut |terms| sum = take(sum, terms);
+            match &measure {
+                Measure::Gap(gap) => measure_gaps(*set, survey, gap, take),
+                Measure::Dissipation => kernel.measure_dissipation(survey, take),
+            }
             sum
         };
         each_block(bounds, (&lists.blocks[..], &mut block_bodies[..]), (), &work, &combine)
@@ -374,20 +367,22 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
 
     /// Contacts of the current bodies whose force is not finite. Over all ranks each counts once.
     pub fn broken(&self) -> impl Iterator<Item = Broken> {
-        let finite = |action: &Action<W>| (action.force.norm_squared() + action.torque.max_abs()).is_finite();
+        let finite = |action: &Action| (action.force.norm_squared() + action.torque.amax()).is_finite();
         self.lists.blocks.iter().zip(&self.block_bodies).flat_map(move |(block, local)| {
-            let body = |slot: u32| &local.bodies[slot as usize];
+            let body = |slot: u32| local.body(slot as usize);
             let pairs = block.pairs.iter().filter(|[i, _]| block.owns(*i));
             let pairs = pairs.filter(move |&&[i, j]| !finite(&self.pair_action(body(i), body(j))));
             let pairs = pairs.map(move |&[i, j]| {
-                Broken::Pair(block.index(i), block.index(j), (body(i).x - body(j).x).norm())
+                let apart = position(body(i)) - position(body(j));
+                Broken::Pair(block.index(i), block.index(j), apart.norm())
             });
             let walls =
                 block.walls.iter().map(move |&[i, k]| (i, k as usize, &self.parameters.walls[k as usize]));
             let walls = walls.filter(move |(i, _, wall)| {
                 self.wall_action(wall, body(*i)).is_some_and(|action| !finite(&action))
             });
-            let overlap = move |i: u32, wall: &Wall| self.law.r - wall.depth(&body(i).x);
+            let r = self.kernel.law().r;
+            let overlap = move |i: u32, wall: &Wall| r - wall.depth(&position(body(i)));
             pairs.chain(walls.map(move |(i, k, wall)| Broken::Wall(block.index(i), k, overlap(i, wall))))
         })
     }
@@ -418,7 +413,7 @@ impl<R: Rebound, T: Tangential, W: Spin> Forces<R, T, W> {
             self.outboxes.iter().flatten().map(Vec::capacity).sum::<usize>() + self.ghosts.capacity();
         self.lists.bytes()
             + self.block_bodies.iter().map(BlockBodies::bytes).sum::<usize>()
-            + outboxes * size_of::<Motion<W>>()
+            + outboxes * size_of::<f64>()
             + self.exports.capacity() * size_of::<OutboxSlot>()
     }
 }

@@ -2,11 +2,11 @@
 //!
 //! They are filled from the bodies, then replaced by forces and torques, which are added to the slopes.
 
-use super::{BATCH, Measure};
+use super::BATCH;
 use crate::math::instructions::Lanes;
-use crate::math::vector::Vec3;
+use crate::math::vector::{Vec3, vector};
+use crate::model::columns::{POSITION, SPIN, VELOCITY};
 use crate::model::contact::{Action, Law, Rebound, Tangential};
-use crate::model::particle::{Motion, Spin};
 
 /// The number of evaluated rows is a multiple of this.
 const STRIDE: usize = 8;
@@ -51,7 +51,7 @@ impl Batch {
 
     /// Fills the rows of `pairs`: differences of the centres and of the velocities, and sums of the spins.
     #[inline(always)]
-    pub fn gather<L: Lanes, W: Spin>(&mut self, bodies: &[Motion<W>], pairs: &[[u32; 2]]) {
+    pub fn gather<L: Lanes, const N: usize>(&mut self, bodies: &[[f64; N]], pairs: &[[u32; 2]]) {
         let (fours, rest) = pairs.as_chunks::<4>();
         let mut heads = [L::row([0.0; 4]); 4];
         let mut tails = heads;
@@ -61,10 +61,10 @@ impl Batch {
             let k = 4 * quad;
             for (p, &[i, j]) in pairs.iter().enumerate() {
                 let (a, b) = (&bodies[i as usize], &bodies[j as usize]);
-                heads[p] = L::minus(head::<L, W>(a), head::<L, W>(b));
-                tails[p] = L::add_products(signs, tail::<L, W>(b), tail::<L, W>(a));
-                if W::COMPONENTS == 3 {
-                    self.spins[2][k + p] = a.omega.vector().z + b.omega.vector().z;
+                heads[p] = L::minus(head::<L, N>(a), head::<L, N>(b));
+                tails[p] = L::add_products(signs, tail::<L, N>(b), tail::<L, N>(a));
+                if N == 9 {
+                    self.spins[2][k + p] = a[8] + b[8];
                 }
             }
             let [x, y, z, u] = L::transpose(heads);
@@ -75,25 +75,26 @@ impl Batch {
             let [v, w, p, q] = L::transpose(tails);
             set::<L>(&mut self.v[1], k, v);
             set::<L>(&mut self.v[2], k, w);
-            if W::COMPONENTS == 3 {
+            if N == 9 {
                 set::<L>(&mut self.spins[0], k, p);
                 set::<L>(&mut self.spins[1], k, q);
             }
         }
         for (k, &[i, j]) in (4 * fours.len()..).zip(rest) {
             let (a, b) = (&bodies[i as usize], &bodies[j as usize]);
-            self.put(k, &(a.x - b.x), &(a.v - b.v), &a.omega.plus(&b.omega));
+            let spins = if N == 9 { vector(&a[SPIN]) + vector(&b[SPIN]) } else { Vec3::zeros() };
+            let apart = vector(&a[POSITION]) - vector(&b[POSITION]);
+            self.put::<N>(k, &apart, &(vector(&a[VELOCITY]) - vector(&b[VELOCITY])), &spins);
         }
     }
 
     /// Fills row `k`, without the gap: normal or difference of centres, relative velocity, sum of spins.
     #[inline(always)]
-    pub fn put<W: Spin>(&mut self, k: usize, n: &Vec3, v: &Vec3, spins: &W) {
+    pub fn put<const N: usize>(&mut self, k: usize, n: &Vec3, v: &Vec3, spins: &Vec3) {
         self.put_normal(k, n);
         (self.v[0][k], self.v[1][k], self.v[2][k]) = (v.x, v.y, v.z);
-        if W::COMPONENTS == 3 {
-            let w = spins.vector();
-            (self.spins[0][k], self.spins[1][k], self.spins[2][k]) = (w.x, w.y, w.z);
+        if N == 9 {
+            (self.spins[0][k], self.spins[1][k], self.spins[2][k]) = (spins.x, spins.y, spins.z);
         }
     }
 
@@ -109,11 +110,22 @@ impl Batch {
         Vec3::new(self.n[0][k], self.n[1][k], self.n[2][k])
     }
 
-    /// Replaces the first two components of the normal in row `k` by the two numbers of the measure.
+    /// The relative velocity in row `k`, m/s.
     #[inline(always)]
-    pub fn measure<L: Lanes, W: Spin, M: Measure<W>>(&mut self, k: usize, measure: &M, gap: f64, n: &Vec3) {
-        let v = Vec3::new(self.v[0][k], self.v[1][k], self.v[2][k]);
-        [self.n[0][k], self.n[1][k]] = measure.of::<L>(gap, n, &v, &self.torque::<W>(k));
+    pub fn velocity(&self, k: usize) -> Vec3 {
+        Vec3::new(self.v[0][k], self.v[1][k], self.v[2][k])
+    }
+
+    /// Replaces the first two components of the normal in row `k` by two numbers.
+    #[inline(always)]
+    pub fn put_numbers(&mut self, k: usize, numbers: [f64; 2]) {
+        [self.n[0][k], self.n[1][k]] = numbers;
+    }
+
+    /// The numbers that `put_numbers` left in row `k`.
+    #[inline(always)]
+    pub fn numbers(&self, k: usize) -> [f64; 2] {
+        [self.n[0][k], self.n[1][k]]
     }
 
     /// Evaluates the contact law for row `k`: force and torque replace normal and spins.
@@ -121,20 +133,18 @@ impl Batch {
     /// The gap, normal, velocity and spins must be set. Force and torque are zero unless the contact is
     /// `near`.
     #[inline(always)]
-    pub fn evaluate<L: Lanes, R: Rebound, T: Tangential, W: Spin>(
+    pub fn evaluate<L: Lanes, R: Rebound, T: Tangential, const N: usize>(
         &mut self,
         k: usize,
         law: &Law<R, T>,
         near: bool,
     ) {
-        let v = Vec3::new(self.v[0][k], self.v[1][k], self.v[2][k]);
-        let Action { force, torque } =
-            law.action::<L, W>(self.gap[k], &self.normal(k), &v, &self.torque::<W>(k));
+        let (n, v) = (self.normal(k), self.velocity(k));
+        let Action { force, torque } = law.action::<L>(self.gap[k], &n, &v, &self.torque::<N>(k));
         self.n[0][k] = if near { force.x } else { 0.0 };
         self.n[1][k] = if near { force.y } else { 0.0 };
         self.n[2][k] = if near { force.z } else { 0.0 };
-        if W::COMPONENTS == 3 {
-            let torque = torque.vector();
+        if N == 9 {
             self.spins[0][k] = if near { torque.x } else { 0.0 };
             self.spins[1][k] = if near { torque.y } else { 0.0 };
             self.spins[2][k] = if near { torque.z } else { 0.0 };
@@ -149,11 +159,11 @@ impl Batch {
 
     /// The torque in row `k`, after `evaluate`, N m. Before, the sum of the spins, rad/s.
     #[inline(always)]
-    pub fn torque<W: Spin>(&self, k: usize) -> W {
-        if W::COMPONENTS == 3 {
-            W::from_vector(Vec3::new(self.spins[0][k], self.spins[1][k], self.spins[2][k]))
+    pub fn torque<const N: usize>(&self, k: usize) -> Vec3 {
+        if N == 9 {
+            Vec3::new(self.spins[0][k], self.spins[1][k], self.spins[2][k])
         } else {
-            W::zero()
+            Vec3::zeros()
         }
     }
 
@@ -162,20 +172,20 @@ impl Batch {
     /// Ghosts have no slope here: their own block or rank evaluates the pair too. Returns the number of near
     /// pairs whose first particle is a ghost.
     #[inline(always)]
-    pub fn scatter<L: Lanes, W: Spin>(&self, pairs: &[[u32; 2]], slopes: &mut [Motion<W>]) -> u64 {
+    pub fn scatter<L: Lanes, const N: usize>(&self, pairs: &[[u32; 2]], slopes: &mut [[f64; N]]) -> u64 {
         let mut elsewhere = 0;
         let (fours, rest) = pairs.as_chunks::<4>();
         for (quad, pairs) in fours.iter().enumerate() {
-            let (heads, tails) = self.actions::<L, W>(4 * quad);
+            let (heads, tails) = self.actions::<L, N>(4 * quad);
             for p in 0..4 {
-                elsewhere += self.add::<L, W>(4 * quad + p, pairs[p], (heads[p], tails[p]), slopes);
+                elsewhere += self.add::<L, N>(4 * quad + p, pairs[p], (heads[p], tails[p]), slopes);
             }
         }
         if !rest.is_empty() {
             let first = 4 * fours.len();
-            let (heads, tails) = self.actions::<L, W>(first);
+            let (heads, tails) = self.actions::<L, N>(first);
             for (p, &pair) in rest.iter().enumerate() {
-                elsewhere += self.add::<L, W>(first + p, pair, (heads[p], tails[p]), slopes);
+                elsewhere += self.add::<L, N>(first + p, pair, (heads[p], tails[p]), slopes);
             }
         }
         elsewhere
@@ -185,10 +195,10 @@ impl Batch {
     ///
     /// The first holds the force and the first component of the torque, the second the other two components.
     #[inline(always)]
-    fn actions<L: Lanes, W: Spin>(&self, k: usize) -> ([L::Row; 4], [L::Row; 4]) {
+    fn actions<L: Lanes, const N: usize>(&self, k: usize) -> ([L::Row; 4], [L::Row; 4]) {
         let get = |column| get::<L>(column, k);
         let zeros = L::row([0.0; 4]);
-        let [x, y, z] = if W::COMPONENTS == 3 {
+        let [x, y, z] = if N == 9 {
             [get(&self.spins[0]), get(&self.spins[1]), get(&self.spins[2])]
         } else {
             [zeros; 3]
@@ -201,24 +211,24 @@ impl Batch {
     ///
     /// Returns 1 if the first particle has none and the pair, in row `k`, is near; else 0.
     #[inline(always)]
-    fn add<L: Lanes, W: Spin>(
+    fn add<L: Lanes, const N: usize>(
         &self,
         k: usize,
         [i, j]: [u32; 2],
         (head, tail): (L::Row, L::Row),
-        slopes: &mut [Motion<W>],
+        slopes: &mut [[f64; N]],
     ) -> u64 {
         let mut elsewhere = 0;
         if let Some(slope) = slopes.get_mut(i as usize) {
-            let sum = L::plus(slopes_head::<L, W>(slope), head);
-            replace::<L, W>(slope, sum, tail);
+            let sum = L::plus(slopes_head::<L, N>(slope), head);
+            replace::<L, N>(slope, sum, tail);
         } else {
             elsewhere = self.near[k];
         }
         if let Some(slope) = slopes.get_mut(j as usize) {
             let signs = L::row([-1.0, -1.0, -1.0, 1.0]);
-            let sum = L::add_products(signs, head, slopes_head::<L, W>(slope));
-            replace::<L, W>(slope, sum, tail);
+            let sum = L::add_products(signs, head, slopes_head::<L, N>(slope));
+            replace::<L, N>(slope, sum, tail);
         }
         elsewhere
     }
@@ -226,33 +236,37 @@ impl Batch {
 
 /// Centre of a body, and the first component of its velocity.
 #[inline(always)]
-fn head<L: Lanes, W: Spin>(body: &Motion<W>) -> L::Row {
-    L::row([body.x.x, body.x.y, body.x.z, body.v.x])
+fn head<L: Lanes, const N: usize>(body: &[f64; N]) -> L::Row {
+    L::row([body[0], body[1], body[2], body[3]])
 }
 
 /// The other two components of the velocity, and the first two of the spin.
 #[inline(always)]
-fn tail<L: Lanes, W: Spin>(body: &Motion<W>) -> L::Row {
-    let w = body.omega.vector();
-    L::row([body.v.y, body.v.z, w.x, w.y])
+fn tail<L: Lanes, const N: usize>(body: &[f64; N]) -> L::Row {
+    if N == 9 {
+        L::row([body[4], body[5], body[6], body[7]])
+    } else {
+        L::row([body[4], body[5], 0.0, 0.0])
+    }
 }
 
 /// Force in a slope, and the first component of its torque.
 #[inline(always)]
-fn slopes_head<L: Lanes, W: Spin>(slope: &Motion<W>) -> L::Row {
-    L::row([slope.v.x, slope.v.y, slope.v.z, slope.omega.vector().x])
+fn slopes_head<L: Lanes, const N: usize>(slope: &[f64; N]) -> L::Row {
+    L::row([slope[3], slope[4], slope[5], if N == 9 { slope[6] } else { 0.0 }])
 }
 
 /// Replaces the force and the first component of the torque in a slope by `head`. Adds the first two numbers
 /// of `tail` to the other two components of the torque.
 #[inline(always)]
-fn replace<L: Lanes, W: Spin>(slope: &mut Motion<W>, head: L::Row, tail: L::Row) {
-    let w = slope.omega.vector();
+fn replace<L: Lanes, const N: usize>(slope: &mut [f64; N], head: L::Row, tail: L::Row) {
     let [x, y, z, p] = L::numbers(head);
-    slope.v = Vec3::new(x, y, z);
-    if W::COMPONENTS == 3 {
+    (slope[3], slope[4], slope[5]) = (x, y, z);
+    if N == 9 {
         let [q, s, ..] = L::numbers(tail);
-        slope.omega = W::from_vector(Vec3::new(p, w.y + q, w.z + s));
+        slope[6] = p;
+        slope[7] += q;
+        slope[8] += s;
     }
 }
 

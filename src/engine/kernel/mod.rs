@@ -1,95 +1,273 @@
 //! The contact kernel: evaluates the contact law for batches of contacts with vector instructions.
 //!
+//! The effects of a scene are types here, and only here: rebound, friction, and whether spheres rotate. One
+//! [`Kernel`] has all of them compiled in; whoever calls it sees rows of numbers. There are six kernels: with
+//! or without loss on rebound, times no friction, friction, or friction with rotation. Each is compiled for
+//! three instruction sets.
+//!
 //! Contacts are gathered into columns. One loop evaluates them, which the compiler turns into vector
 //! instructions. The results are added to the particles one after the other.
 //!
-//! All of this is compiled once for every instruction set. All sets do the same operations in the same order.
-//! So all sets with fused multiply-add give the same bits, whatever their width.
+//! All instruction sets do the same operations in the same order. So all sets with fused multiply-add give
+//! the same bits, whatever their width.
 
 use crate::engine::neighbors::{BATCH, Block};
-use crate::math::elementary::{Arithmetic, inverse_root};
+use crate::math::elementary::{Separate, inverse_root};
 use crate::math::instructions::{InstructionSet, Lanes, Vectorised, run};
-use crate::math::vector::{Vec3, dot, scaled};
-use crate::model::contact::{Law, Rebound, Tangential};
-use crate::model::particle::{Motion, Spin};
+use crate::math::vector::{Vec3, dot, minus, scaled, vector};
+use crate::model::columns::{POSITION, SPIN, VELOCITY};
+use crate::model::contact::{
+    Action, Coulomb, Dissipative, Elastic, Frictionless, Law, LawParameters, Rebound, Tangential, Turning,
+};
+use crate::model::effects::{Effects, Variant};
 use crate::model::wall::Wall;
+pub use batch::Batch;
+pub use measure::{GapMeasure, Survey, measure_gaps};
 
 mod batch;
+mod measure;
 
-pub use batch::Batch;
+/// What turns forces and torques into accelerations.
+#[derive(Debug, Clone, Copy)]
+pub struct Inertia {
+    /// Mass of every particle, kg.
+    pub mass: f64,
+    /// 1/I, 1/(kg m^2); I = 2/5 m r^2 for a homogeneous sphere.
+    pub inverse_inertia: f64,
+    /// Gravitational acceleration, m/s^2.
+    pub gravity: Vec3,
+}
 
 /// The data of a sweep over contacts, which adds forces and torques to slopes.
-pub struct Sweep<'a, R, T, W> {
-    /// Contact law.
-    pub law: &'a Law<R, T>,
-    /// Bodies by slot: the own particles of a block, then its ghosts.
-    pub bodies: &'a [Motion<W>],
+pub struct Sweep<'a> {
+    /// Bodies by slot, as rows of the state: the own particles of a block, then its ghosts.
+    pub bodies: &'a [f64],
     /// Scratch memory.
     pub batch: &'a mut Batch,
     /// Slopes of the first of these bodies, at most of the own particles. During a sweep they hold forces (N)
     /// and torques (N m), to which the sweep adds.
-    pub slopes: &'a mut [Motion<W>],
+    pub slopes: &'a mut [f64],
 }
 
-/// Adds forces and torques of `walls` to the slopes of the sweep.
+/// The contact law with all effects of a scene compiled in. Bodies and slopes are rows of the state.
+pub trait Kernel: Send + Sync {
+    /// Numbers in a row of the state.
+    fn width(&self) -> usize;
+    /// The parameters of the law.
+    fn law(&self) -> LawParameters;
+    /// From now on contacts are evaluated up to `gap` (m).
+    fn set_cutoff(&mut self, gap: f64);
+    /// Energy that a contact at rest stores at `gap` (m), J.
+    fn stored(&self, gap: f64) -> f64;
+    /// Measures the energy that contacts store.
+    fn stored_energy(&self) -> GapMeasure;
+    /// Starts the slopes of `bodies`: their velocities, no force, no torque.
+    fn start_slopes(&self, bodies: &[f64], slopes: &mut [f64]);
+    /// `start_slopes`. Also returns the largest squared distance of the bodies from their positions in
+    /// `starts`, m^2; infinite where a position is NaN.
+    fn start_stage(&self, bodies: &[f64], starts: &[f64], slopes: &mut [f64]) -> f64;
+    /// Adds forces and torques of `walls` to the slopes of the sweep.
+    ///
+    /// A contact is a slot and the number of a wall. The bodies and the slopes of the sweep begin with slot
+    /// `first`.
+    fn add_walls(&self, first: usize, contacts: &[[u32; 2]], walls: &[Wall], sweep: Sweep);
+    /// Adds forces and torques of `pairs`, given by their slots, to the slopes of the sweep.
+    ///
+    /// A body without a slope is a ghost; nothing is added for it. Returns the number of pairs within the
+    /// cutoff whose first particle has a slope.
+    fn add_pairs(&self, pairs: &[[u32; 2]], sweep: Sweep) -> u64;
+    /// Turns forces and torques in `slopes` into accelerations, eqs. (2.13)-(2.15).
+    fn finish(&self, inertia: &Inertia, slopes: &mut [f64]);
+    /// Calls `take` with the power (W) that every contact of the survey dissipates by rebound and by
+    /// friction. The order must not matter to `take`.
+    fn measure_dissipation(&self, survey: Survey, take: &mut dyn FnMut([f64; 2]));
+    /// Force and torque of one contact, without vector instructions; arguments as for [`Law::action`].
+    fn action(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> Action;
+}
+
+/// The kernel for these effects. The processor must have the instructions of `set`.
 ///
-/// A contact is a slot and the number of a wall. The bodies and the slopes of the sweep begin with slot
-/// `first`.
-pub fn add_walls<R: Rebound, T: Tangential, W: Spin>(
-    set: InstructionSet,
-    first: usize,
-    (contacts, walls): (&[[u32; 2]], &[Wall]),
-    sweep: Sweep<R, T, W>,
-) {
-    run(set, Walls(first, contacts, walls, sweep));
+/// This is the one place where effects become types.
+pub fn kernel(effects: Effects, law: LawParameters, set: InstructionSet) -> Box<dyn Kernel> {
+    if effects.dissipative {
+        with_rebound(effects.variant, Dissipative::new(law.e, law.psi), law, set)
+    } else {
+        with_rebound(effects.variant, Elastic, law, set)
+    }
 }
 
-/// Adds forces and torques of `pairs`, given by their slots, to the slopes of the sweep.
-///
-/// A body without a slope is a ghost; nothing is added for it. Returns the number of pairs within `l_max`
-/// whose first particle has a slope.
-pub fn add_pairs<R: Rebound, T: Tangential, W: Spin>(
+fn with_rebound<R: Rebound>(
+    variant: Variant,
+    rebound: R,
+    law: LawParameters,
     set: InstructionSet,
-    pairs: &[[u32; 2]],
-    sweep: Sweep<R, T, W>,
-) -> u64 {
-    run(set, Pairs(pairs, sweep))
+) -> Box<dyn Kernel> {
+    let friction = Coulomb::new(law.phi, law.v_min);
+    match variant {
+        Variant::Basic => compiled::<_, _, 6>(law, rebound, Frictionless, set),
+        Variant::Friction => compiled::<_, _, 6>(law, rebound, friction, set),
+        Variant::FrictionRotation => compiled::<_, _, 9>(law, rebound, Turning(friction), set),
+    }
 }
 
-impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
+/// A kernel with a law of one's own. `N` is the number of columns of the state: 9 where friction turns the
+/// spheres ([`Tangential::TURNS`]), else 6.
+pub fn compiled<R: Rebound, T: Tangential, const N: usize>(
+    law: LawParameters,
+    rebound: R,
+    tangential: T,
+    set: InstructionSet,
+) -> Box<dyn Kernel> {
+    assert_eq!(N, if T::TURNS { SPIN.end } else { VELOCITY.end }, "columns of the state");
+    Box::new(Compiled::<R, T, N> { law: Law { parameters: law, rebound, tangential }, set })
+}
+
+/// A kernel for one combination of effects.
+struct Compiled<R, T, const N: usize> {
+    law: Law<R, T>,
+    set: InstructionSet,
+}
+
+/// Numbers as rows of `N`.
+#[inline(always)]
+fn rows<const N: usize>(numbers: &[f64]) -> &[[f64; N]] {
+    numbers.as_chunks().0
+}
+
+/// The sum of the spins of two bodies; zero without rotation.
+#[inline(always)]
+fn spin<const N: usize>(body: &[f64; N]) -> Vec3 {
+    if N == SPIN.end { vector(&body[SPIN]) } else { Vec3::zeros() }
+}
+
+impl<R: Rebound, T: Tangential, const N: usize> Kernel for Compiled<R, T, N> {
+    fn width(&self) -> usize {
+        N
+    }
+
+    fn law(&self) -> LawParameters {
+        self.law.parameters
+    }
+
+    fn set_cutoff(&mut self, gap: f64) {
+        self.law.parameters.l_max = gap;
+    }
+
+    fn stored(&self, gap: f64) -> f64 {
+        self.law.energies().stored::<Separate>(gap)
+    }
+
+    fn stored_energy(&self) -> GapMeasure {
+        GapMeasure::Stored(self.law.energies().at_rest)
+    }
+
+    fn start_slopes(&self, bodies: &[f64], slopes: &mut [f64]) {
+        for (slope, body) in slopes.as_chunks_mut::<N>().0.iter_mut().zip(rows::<N>(bodies)) {
+            start(slope, body);
+        }
+    }
+
+    fn start_stage(&self, bodies: &[f64], starts: &[f64], slopes: &mut [f64]) -> f64 {
+        let (mut way, mut sum) = (0.0, 0.0);
+        let ends = rows::<N>(bodies).iter().zip(rows::<N>(starts));
+        for (slope, (body, from)) in slopes.as_chunks_mut::<N>().0.iter_mut().zip(ends) {
+            let apart = minus(&vector(&body[POSITION]), &vector(&from[POSITION]));
+            let apart = dot::<Separate>(&apart, &apart);
+            way = if apart > way { apart } else { way };
+            sum += apart;
+            start(slope, body);
+        }
+        // A position that is NaN counts as infinitely far. The comparison misses it, the sum does not.
+        if sum.is_nan() { f64::INFINITY } else { way }
+    }
+
+    fn add_walls(&self, first: usize, contacts: &[[u32; 2]], walls: &[Wall], sweep: Sweep) {
+        run(self.set, Walls::<R, T, N>(&self.law, first, contacts, walls, sweep));
+    }
+
+    fn add_pairs(&self, pairs: &[[u32; 2]], sweep: Sweep) -> u64 {
+        run(self.set, Pairs::<R, T, N>(&self.law, pairs, sweep))
+    }
+
+    fn finish(&self, inertia: &Inertia, slopes: &mut [f64]) {
+        let (inverse_mass, gravity) = (1.0 / inertia.mass, inertia.gravity);
+        for slope in slopes.as_chunks_mut::<N>().0 {
+            for k in 0..3 {
+                slope[VELOCITY.start + k] = slope[VELOCITY.start + k] * inverse_mass + gravity[k];
+            }
+            slope[VELOCITY.end..].iter_mut().for_each(|torque| *torque *= inertia.inverse_inertia);
+        }
+    }
+
+    fn measure_dissipation(&self, survey: Survey, take: &mut dyn FnMut([f64; 2])) {
+        run(self.set, measure::Power::<R, T, N>(&self.law, survey, take));
+    }
+
+    fn action(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> Action {
+        self.law.action::<Separate>(gap, n, v_rel, spins)
+    }
+}
+
+/// Starts the slope of a body: its velocity, no force, no torque.
+#[inline(always)]
+fn start<const N: usize>(slope: &mut [f64; N], body: &[f64; N]) {
+    for k in 0..3 {
+        slope[k] = body[VELOCITY.start + k];
+    }
+    slope[3..].fill(0.0);
+}
+
+struct Walls<'a, R, T, const N: usize>(&'a Law<R, T>, usize, &'a [[u32; 2]], &'a [Wall], Sweep<'a>);
+
+impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Walls<'_, R, T, N> {
+    type Output = ();
     #[inline(always)]
-    fn sum_walls<L: Lanes>(self, first: usize, contacts: &[[u32; 2]], walls: &[Wall]) {
-        let Sweep { law, bodies, batch, slopes } = self;
+    fn work<L: Lanes>(self) {
+        let Walls(law, first, contacts, walls, Sweep { bodies, batch, slopes }) = self;
+        let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
+        let LawParameters { r, l_max, .. } = law.parameters;
         for contacts in contacts.chunks(BATCH) {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize - first], &walls[wall as usize]);
                 // A wall is a motionless partner with n = -n_k.
-                batch.gap[k] = wall.depth(&body.x) - law.r;
-                batch.put(k, &-wall.normal, &body.v, &body.omega);
+                batch.gap[k] = wall.depth(&vector(&body[POSITION])) - r;
+                batch.put::<N>(k, &-wall.normal, &vector(&body[VELOCITY]), &spin(body));
             }
             for k in 0..Batch::rows(contacts.len()) {
-                batch.evaluate::<L, R, T, W>(k, law, batch.gap[k] <= law.l_max);
+                batch.evaluate::<L, R, T, N>(k, law, batch.gap[k] <= l_max);
             }
             for (k, &[i, _]) in contacts.iter().enumerate() {
                 let slope = &mut slopes[i as usize - first];
-                slope.v += batch.force(k);
-                slope.omega = slope.omega.plus(&batch.torque(k));
+                let (force, torque) = (batch.force(k), batch.torque::<N>(k));
+                for c in 0..3 {
+                    slope[VELOCITY.start + c] += force[c];
+                    if N == SPIN.end {
+                        slope[SPIN.start + c] += torque[c];
+                    }
+                }
             }
         }
     }
+}
 
+struct Pairs<'a, R, T, const N: usize>(&'a Law<R, T>, &'a [[u32; 2]], Sweep<'a>);
+
+impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N> {
+    type Output = u64;
     #[inline(always)]
-    fn sum_pairs<L: Lanes>(self, pairs: &[[u32; 2]]) -> u64 {
-        let Sweep { law, bodies, batch, slopes } = self;
-        let cutoff = 2.0 * law.r + law.l_max;
+    fn work<L: Lanes>(self) -> u64 {
+        let Pairs(law, pairs, Sweep { bodies, batch, slopes }) = self;
+        let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
+        let LawParameters { r, l_max, .. } = law.parameters;
+        let cutoff = 2.0 * r + l_max;
         let mut count = 0;
         for pairs in pairs.chunks(BATCH) {
-            batch.gather::<L, W>(bodies, pairs);
+            batch.gather::<L, N>(bodies, pairs);
             for k in 0..Batch::rows(pairs.len()) {
                 let apart = batch.normal(k);
                 let (d2, inverse_d) = distance::<L>(&apart);
                 let far = d2 > cutoff * cutoff;
-                batch.gap[k] = L::add_product(d2, inverse_d, -2.0 * law.r);
+                batch.gap[k] = L::add_product(d2, inverse_d, -2.0 * r);
                 // A distance that is NaN must not count as far: the fault has to show in the forces.
                 batch.near[k] = u64::from(!far);
                 batch.put_normal(k, &scaled(inverse_d, &apart));
@@ -97,10 +275,10 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
             // A separate loop. Together with the distances, more operations would wait for each other than
             // the processor can look ahead.
             for k in 0..Batch::rows(pairs.len()) {
-                batch.evaluate::<L, R, T, W>(k, law, batch.near[k] != 0);
+                batch.evaluate::<L, R, T, N>(k, law, batch.near[k] != 0);
             }
             let near: u64 = batch.near[..pairs.len()].iter().sum();
-            count += near - batch.scatter::<L, W>(pairs, slopes);
+            count += near - batch.scatter::<L, N>(pairs, slopes);
         }
         count
     }
@@ -111,103 +289,6 @@ impl<R: Rebound, T: Tangential, W: Spin> Sweep<'_, R, T, W> {
 fn distance<L: Lanes>(apart: &Vec3) -> (f64, f64) {
     let d2 = dot::<L>(apart, apart);
     (d2, inverse_root::<L>(d2))
-}
-
-/// Two numbers of a contact, such as energies, whose maxima or sums over all contacts are wanted.
-pub trait Measure<W>: Sync {
-    /// Whether the numbers depend on velocities and spins. If not, `of` gets meaningless values for these.
-    const MOVES: bool;
-    /// The numbers of one contact. Arguments as for [`Law::action`], but the gap may have any size.
-    fn of<A: Arithmetic>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &W) -> [f64; 2];
-}
-
-/// The contacts of one block to be measured. Over all blocks of all ranks, each contact is measured once.
-pub struct Survey<'a, W> {
-    /// Radius of every sphere, m.
-    pub r: f64,
-    /// The walls.
-    pub walls: &'a [Wall],
-    /// Bodies of the block by slot.
-    pub bodies: &'a [Motion<W>],
-    /// The block with its lists: near pairs and all listed walls are measured.
-    pub block: &'a Block,
-    /// Scratch memory.
-    pub batch: &'a mut Batch,
-}
-
-/// Calls `take` with the numbers of every contact of the survey. The order must not matter to `take`.
-pub fn measure<W: Spin, M: Measure<W>>(
-    set: InstructionSet,
-    survey: Survey<W>,
-    measure: &M,
-    take: impl FnMut([f64; 2]),
-) {
-    run(set, Measuring(survey, measure, take));
-}
-
-struct Measuring<'a, W, M, F>(Survey<'a, W>, &'a M, F);
-
-impl<W: Spin, M: Measure<W>, F: FnMut([f64; 2])> Vectorised for Measuring<'_, W, M, F> {
-    type Output = ();
-    #[inline(always)]
-    fn work<L: Lanes>(self) {
-        let Measuring(Survey { r, walls, bodies, block, batch }, measure, mut take) = self;
-        for pairs in block.near.chunks(BATCH) {
-            if M::MOVES {
-                batch.gather::<L, W>(bodies, pairs);
-            } else {
-                for (k, &[i, j]) in pairs.iter().enumerate() {
-                    batch.put_normal(k, &(bodies[i as usize].x - bodies[j as usize].x));
-                }
-            }
-            for k in 0..Batch::rows(pairs.len()) {
-                let apart = batch.normal(k);
-                let (d2, inverse_d) = distance::<L>(&apart);
-                let gap = L::add_product(d2, inverse_d, -2.0 * r);
-                batch.measure::<L, W, M>(k, measure, gap, &scaled(inverse_d, &apart));
-            }
-            for (k, [i, _]) in pairs.iter().enumerate() {
-                // Other pairs are counted in the block of their first particle.
-                if block.owns(*i) {
-                    take([batch.n[0][k], batch.n[1][k]]);
-                }
-            }
-        }
-        for contacts in block.walls.chunks(BATCH) {
-            for (k, &[i, wall]) in contacts.iter().enumerate() {
-                let (body, wall) = (&bodies[i as usize], &walls[wall as usize]);
-                batch.gap[k] = wall.depth(&body.x) - r;
-                batch.put(k, &-wall.normal, &body.v, &body.omega);
-            }
-            for k in 0..Batch::rows(contacts.len()) {
-                batch.measure::<L, W, M>(k, measure, batch.gap[k], &batch.normal(k));
-            }
-            for k in 0..contacts.len() {
-                take([batch.n[0][k], batch.n[1][k]]);
-            }
-        }
-    }
-}
-
-struct Walls<'a, R, T, W>(usize, &'a [[u32; 2]], &'a [Wall], Sweep<'a, R, T, W>);
-
-impl<R: Rebound, T: Tangential, W: Spin> Vectorised for Walls<'_, R, T, W> {
-    type Output = ();
-    #[inline(always)]
-    fn work<L: Lanes>(self) {
-        let Walls(first, contacts, walls, sweep) = self;
-        sweep.sum_walls::<L>(first, contacts, walls);
-    }
-}
-
-struct Pairs<'a, R, T, W>(&'a [[u32; 2]], Sweep<'a, R, T, W>);
-
-impl<R: Rebound, T: Tangential, W: Spin> Vectorised for Pairs<'_, R, T, W> {
-    type Output = u64;
-    #[inline(always)]
-    fn work<L: Lanes>(self) -> u64 {
-        self.1.sum_pairs::<L>(self.0)
-    }
 }
 
 #[cfg(test)]

@@ -2,54 +2,56 @@
 
 use super::Simulation;
 use crate::error::Error;
-use crate::math::larger;
-use crate::model::contact::{Rebound, Tangential};
-use crate::model::particle::{Motion, Spin};
-use crate::ode::{Linear, TrialOutcome};
+use crate::engine::dynamics::Fault;
+use crate::model::columns::velocity;
+use crate::ode::{Ivp, TrialOutcome, largest_magnitude};
 
-impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
+impl Simulation<'_> {
     /// Returns an error if no smaller step can succeed after a failed trial with step `h` (s). Collective.
     ///
     /// That is so if the right-hand side at the last accepted state is not finite, or if the step is the
     /// smallest.
     pub(super) fn fail_if_impossible(&mut self, h: f64, outcome: TrialOutcome) -> Result<(), Error> {
         if self.start_is_broken() {
-            return Err(self.unbearable_start());
+            return Err(self.broken_start());
         }
         if h > self.control.min_step {
             return Ok(());
         }
         // Repeat the trial to find where it breaks.
-        self.dynamics.watch();
+        self.dynamics.search_fault();
         self.integrator.attempt(&mut self.dynamics, &mut self.step_start, h, &self.norm, &mut self.trial);
-        if let Some((t, state, slope)) = self.dynamics.broken() {
-            return Err(self.unbearable(t, &state, &slope));
+        if let Some(fault) = self.dynamics.fault() {
+            return Err(self.not_finite(&fault));
         }
         if outcome.within_travel {
             return Err(self.no_step(h));
         }
         let y = &self.step_start.y;
-        let i = self.dynamics.worst(|i| y[i].v.norm());
+        let layout = self.dynamics.layout();
+        let i = self.dynamics.worst(|i| velocity(&y[layout.row(0, i).range()]).norm());
         Err(Error::TooFast { t: self.step_start.t, h, i, travel: self.dynamics.travel() })
     }
 
     /// Whether the right-hand side at the last accepted state is not finite. Collective.
     pub(super) fn start_is_broken(&self) -> bool {
-        let mut steepest = [self.step_start.slope.iter().map(Linear::max_abs).fold(0.0, larger)];
+        let mut steepest = [largest_magnitude(&self.step_start.slope)];
         self.comm.max(&mut steepest);
         steepest[0] == f64::INFINITY
     }
 
-    pub(super) fn unbearable_start(&mut self) -> Error {
-        let (y, slope) = (self.step_start.y.clone(), self.step_start.slope.clone());
-        self.unbearable(self.step_start.t, &y, &slope)
+    /// Why the right-hand side at the last accepted state is not finite. Collective.
+    pub(super) fn broken_start(&mut self) -> Error {
+        let (state, slope) = (self.step_start.y.clone(), self.step_start.slope.clone());
+        self.not_finite(&Fault { t: self.step_start.t, state, slope })
     }
 
-    /// Why the right-hand side `slope` at `state` and time `t` (s) is not finite. Collective.
-    pub(super) fn unbearable(&mut self, t: f64, state: &[Motion<W>], slope: &[Motion<W>]) -> Error {
-        self.dynamics.explain(state, t).unwrap_or_else(|| {
-            let i = self.dynamics.worst(|i| slope[i].max_abs());
-            Error::Acceleration { i, t }
+    /// Why a right-hand side is not finite. Collective.
+    fn not_finite(&mut self, fault: &Fault) -> Error {
+        self.dynamics.explain(&fault.state, fault.t).unwrap_or_else(|| {
+            let layout = self.dynamics.layout();
+            let slope = |i: usize| largest_magnitude(&fault.slope[layout.row(0, i).range()]);
+            Error::Acceleration { i: self.dynamics.worst(slope), t: fault.t }
         })
     }
 
@@ -60,7 +62,11 @@ impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
 
     /// The particle with the largest error in the last trial, of step `h` (s). Collective.
     pub(super) fn limiting_particle(&self, h: f64) -> u64 {
-        let error = |i: usize| self.integrator.error_of(i, h, &self.norm, &self.step_start, &self.trial);
+        let layout = self.dynamics.layout();
+        let error = |i: usize| {
+            let part = layout.row(0, i);
+            self.integrator.error_of(part, h, &self.norm, &self.step_start, &self.trial)
+        };
         self.dynamics.worst(error)
     }
 }

@@ -29,7 +29,7 @@ pub struct FrameSummary {
 
 impl FrameSummary {
     /// Takes a frame into account. The first frame is that of t = 0.
-    pub fn follow<W>(&mut self, frame: &Frame<W>) {
+    pub fn follow(&mut self, frame: &Frame) {
         if frame.time == 0.0 {
             self.start_energy = frame.kinetic_energy + frame.potential_energy;
         }

@@ -2,18 +2,17 @@
 
 use crate::domain::Comm;
 use crate::domain::rows::{self, ById};
-use crate::engine::dynamics::{Clocks, Dynamics};
+use crate::engine::dynamics::{Clocks, Dynamics, Particles};
 use crate::engine::forces::BodyParameters;
+use crate::engine::kernel::{Kernel, kernel};
 use crate::error::{Error, StopRequest};
-use crate::math::larger;
-use crate::math::vector::Vec3;
-use crate::model::contact::{Elastic, Frictionless, Law, Rebound, Tangential};
+use crate::math::instructions::InstructionSet;
+use crate::model::columns::Columns;
 use crate::model::effects::{Effects, Variant};
-use crate::model::particle::{Locked, Motion, Spin, Spinning};
 use crate::ode::integrator::{AutoPlan, Integrator};
 use crate::ode::{
-    DORMAND_PRINCE, Dissipation, Ivp, Limit, Linear, MERSON, MethodName, Norm, NormName, StepControl,
-    StepRule, StepStart, TrialOutcome, TrialStep, Weights,
+    DORMAND_PRINCE, Dissipation, Ivp, Limit, MERSON, MethodName, Norm, NormName, StepControl, StepRule,
+    StepStart, TrialOutcome, TrialStep,
 };
 use crate::scene::initial_condition::{self, InitialCondition};
 use crate::scene::{Scene, Stop, effects};
@@ -23,9 +22,8 @@ pub use memory::{Memory, Remembered, Snapshot};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-mod failure;
-
 mod cutoff;
+mod failure;
 mod frame_summary;
 mod memory;
 mod observer;
@@ -59,8 +57,7 @@ pub struct Counts {
 }
 
 /// The state of the system at one time, for the output and the progress line.
-#[derive(Debug)]
-pub struct Frame<'a, W> {
+pub struct Frame<'a> {
     /// Time, s.
     pub time: f64,
     /// Size of the last accepted step, s.
@@ -83,22 +80,26 @@ pub struct Frame<'a, W> {
     pub output_seconds: f64,
     /// First id of `rows`.
     pub first: u64,
-    /// The particles of this rank's block of ids, by id.
-    pub rows: &'a ById<'a, W>,
+    /// The particles of this rank's block of ids, by id, as rows of the state.
+    pub rows: &'a ById<'a>,
+    /// Columns that change only when lists are built, of the same particles.
+    pub constants: &'a ById<'a>,
+    /// The columns of the particles.
+    pub columns: &'a Columns,
 }
 
 /// Receives the frames and checkpoints of a run.
-pub trait Observer<W> {
+pub trait Observer {
     /// Receives a frame. Collective.
-    fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error>;
+    fn frame(&mut self, frame: &Frame) -> Result<(), Error>;
     /// Receives a checkpoint, from which the run can be resumed. Collective.
-    fn checkpoint(&mut self, _snapshot: &Snapshot<W>) -> Result<(), Error> {
+    fn checkpoint(&mut self, _snapshot: &Snapshot) -> Result<(), Error> {
         Ok(())
     }
 }
 
-impl<W, F: FnMut(&Frame<W>) -> Result<(), Error>> Observer<W> for F {
-    fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error> {
+impl<F: FnMut(&Frame) -> Result<(), Error>> Observer for F {
+    fn frame(&mut self, frame: &Frame) -> Result<(), Error> {
         self(frame)
     }
 }
@@ -134,41 +135,97 @@ pub struct Outcome {
     pub ghosts: usize,
 }
 
-/// A task that needs the kernel with the effects of a scene compiled in.
-pub trait Task {
-    /// Result of the task.
-    type Output;
-    /// Carries out the task with the contact law of the scene and the state `Motion<W>`.
-    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Self::Output;
+/// What a run has done so far: the same on every rank, and saved as it is in checkpoints.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// Number of the next frame: frames before it are complete.
+    pub frame: u64,
+    /// Work done. Of pairs, while the run goes on, those of this rank.
+    pub counts: Counts,
+    /// Proposed size of the next step, s, and what decided it.
+    pub(super) h: f64,
+    pub(super) limit: Limit,
+    /// Size of the last accepted step, s.
+    pub(super) last: f64,
+    /// Energy dissipated up to the last accepted state, J.
+    pub(super) dissipated: Dissipation,
+    /// Consecutive steps that were forced.
+    pub(super) forced_in_a_row: u64,
+    /// State of the rest detector.
+    pub(super) rest: rest_detector::Watched,
+    /// Largest overlap of any frame, m.
+    pub(super) largest_overlap: f64,
 }
 
-/// Turns the effects of a scene into types: the paper's three variants, with or without dissipation by
-/// rebound.
-///
-/// This is done nowhere else.
-pub fn dispatch<K: Task>(scene: &Scene, task: K) -> K::Output {
-    let effects = Effects::of(scene);
-    if effects.dissipative {
-        with_rebound(scene, effects.variant, effects::dissipative(scene), task)
-    } else {
-        with_rebound(scene, effects.variant, effects::elastic(scene), task)
+impl Progress {
+    /// Of a run that has done nothing; `h` (s) is its first step.
+    fn new(h: f64) -> Self {
+        Progress {
+            frame: 0,
+            counts: Counts::default(),
+            h,
+            limit: Limit::First,
+            last: 0.0,
+            dissipated: [0.0; 2],
+            forced_in_a_row: 0,
+            rest: rest_detector::Watched::default(),
+            largest_overlap: 0.0,
+        }
     }
 }
 
-fn with_rebound<R: Rebound, K: Task>(scene: &Scene, variant: Variant, rebound: R, task: K) -> K::Output {
-    let (coulomb, frictionless) = (effects::coulomb(scene), effects::frictionless(scene));
-    match variant {
-        Variant::Basic => task.with::<_, _, Locked>(effects::law(scene, rebound, frictionless)),
-        Variant::Friction => task.with::<_, _, Locked>(effects::law(scene, rebound, coulomb)),
-        Variant::FrictionRotation => task.with::<_, _, Spinning>(effects::law(scene, rebound, coulomb)),
+/// When frames and checkpoints are due.
+#[derive(Debug, Clone, Copy)]
+struct Schedule {
+    t_end: f64,
+    /// Time between frames, s.
+    interval: f64,
+    /// Simulated time between checkpoints, s; infinite if checkpoints are only written on request.
+    checkpoint_interval: f64,
+    /// Whether a checkpoint is written at the end too.
+    checkpoint_at_end: bool,
+    /// Time of the last checkpoint, or of the start, s.
+    saved: f64,
+}
+
+impl Schedule {
+    fn new(scene: &Scene) -> Self {
+        let checkpoint = scene.checkpoint.as_ref();
+        Schedule {
+            t_end: scene.t_end,
+            interval: scene.output.interval.unwrap_or(scene.t_end / 100.0),
+            checkpoint_interval: checkpoint.and_then(|keys| keys.interval).unwrap_or(f64::INFINITY),
+            checkpoint_at_end: checkpoint.is_some(),
+            saved: 0.0,
+        }
     }
+
+    /// Time of frame `k`: k times the interval, or the end of the scene, s.
+    fn frame_time(&self, k: u64) -> f64 {
+        let t = k as f64 * self.interval;
+        if t < self.t_end - 1e-9 * self.interval { t } else { self.t_end }
+    }
+
+    /// Whether a checkpoint is due at time `t` (s).
+    fn checkpoint_is_due(&self, t: f64) -> bool {
+        let passed = |t: f64| (t / self.checkpoint_interval).floor();
+        passed(t) > passed(self.saved)
+    }
+}
+
+/// Wall times of this process.
+#[derive(Debug, Clone, Copy)]
+struct WallClock {
+    started: Instant,
+    /// Time spent on frames and checkpoints, s.
+    output_seconds: f64,
 }
 
 /// A run of a scene.
-pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
+pub struct Simulation<'c> {
     comm: &'c dyn Comm,
-    dynamics: Dynamics<'c, R, T, W>,
-    integrator: Integrator<'c, Dynamics<'c, R, T, W>>,
+    dynamics: Dynamics<'c>,
+    integrator: Integrator,
     control: StepControl,
     /// The tolerance of the scene, before `auto` tightens it.
     tolerance: f64,
@@ -176,39 +233,25 @@ pub struct Simulation<'c, R: Rebound, T: Tangential, W: Spin> {
     cutoff: f64,
     norm: Norm,
     /// The last accepted state of the owned particles, and what is known there.
-    step_start: StepStart<Motion<W>>,
-    trial: TrialStep<Motion<W>>,
-    /// Proposed size of the next step, s, and what decided it.
-    h: f64,
-    limit: Limit,
-    /// Size of the last accepted step, s.
-    last: f64,
-    counts: Counts,
-    /// Energy dissipated up to the last accepted state, J.
-    dissipated: Dissipation,
-    forced_in_a_row: u64,
-    t_end: f64,
-    interval: f64,
-    /// Number of the next frame.
-    frame: u64,
-    /// Largest overlap of any frame, m.
-    largest_overlap: f64,
-    /// Wall time spent on frames and checkpoints, s.
-    output_seconds: f64,
-    /// When the run ends because the particles are at rest, and the state of the rest detector.
+    step_start: StepStart,
+    trial: TrialStep,
+    progress: Progress,
+    schedule: Schedule,
+    /// When the run ends because the particles are at rest.
     stop: Option<Stop>,
-    watched: rest_detector::Watched,
     /// Whether a step has been accepted in this process.
     moved_on: bool,
     /// The memory of the run before the last trial.
     memory: Option<Memory>,
-    /// Simulated time between checkpoints, s; infinite if checkpoints are only written on request.
-    checkpoint_interval: f64,
-    /// Whether a checkpoint is written at the end too.
-    checkpoints: bool,
-    /// Time of the last checkpoint, or of the start, s.
-    saved: f64,
-    started: Instant,
+    clock: WallClock,
+}
+
+/// A contact law of one's own and other body parameters than those of the scene.
+pub struct Physics<'a> {
+    /// Makes the kernel for an instruction set.
+    pub kernel: &'a dyn Fn(InstructionSet) -> Box<dyn Kernel>,
+    /// Mass, inertia, gravity and walls.
+    pub parameters: BodyParameters,
 }
 
 /// An accepted trial step.
@@ -222,50 +265,37 @@ struct Step {
     limit: Limit,
 }
 
-impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
-    /// A run from the initial condition `start` under `law`. `start` holds all particles, on every rank.
-    /// Collective.
-    pub fn new(
-        scene: &Scene,
-        start: &InitialCondition,
-        law: Law<R, T>,
-        comm: &'c dyn Comm,
-    ) -> Result<Self, Error> {
-        Self::with_parameters(scene, start, law, parameters(scene), comm)
+impl<'c> Simulation<'c> {
+    /// A run from the initial condition `start`, which holds all particles, on every rank. Collective.
+    pub fn new(scene: &Scene, start: &InitialCondition, comm: &'c dyn Comm) -> Result<Self, Error> {
+        let physics = Physics { kernel: &|set| scene_kernel(scene, set), parameters: parameters(scene) };
+        Self::with_physics(scene, start, physics, comm)
     }
 
-    /// `new` with other body parameters than those of the scene.
-    pub fn with_parameters(
+    /// `new` with other physics than the scene's.
+    pub fn with_physics(
         scene: &Scene,
         start: &InitialCondition,
-        law: Law<R, T>,
-        parameters: BodyParameters,
+        physics: Physics,
         comm: &'c dyn Comm,
     ) -> Result<Self, Error> {
-        let own = rows::block(start.x.len() as u64, comm.rank(), comm.size());
-        let body = |i: u64| {
-            let i = i as usize;
-            let omega = W::from_vector(Vec3::from(start.omega[i]));
-            Motion { x: start.x[i].into(), v: start.v[i].into(), omega }
-        };
-        let mut y: Vec<Motion<W>> = own.clone().map(body).collect();
+        let ids = rows::block(start.x.len() as u64, comm.rank(), comm.size());
+        let (columns, mut y, constants) = start.rows(ids.clone(), scene.rotates());
         let scale = initial_condition::velocity_scale(scene, start);
-        let mut dynamics = Dynamics::new(comm, law, parameters, scale, own.collect(), &mut y, &mut [])?;
+        let particles = Particles { ids: ids.collect(), columns, constants, y: &mut y };
+        let Physics { kernel, parameters } = physics;
+        let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut [])?;
         if scene.output.energy {
             dynamics.audit();
         }
         let mut step_start = StepStart::new(0.0, y);
         dynamics.begin();
         let rhs = step_start.find_slope(&mut dynamics);
-        let (norm, control) = error_control(scene, scale);
-        let mut simulation = Simulation {
-            step_start,
-            counts: Counts { rhs, ..Counts::default() },
-            ..Simulation::at_rest(scene, comm, dynamics, norm, control, scale)
-        };
+        let mut simulation = Simulation::at_rest(scene, comm, dynamics, scale);
+        (simulation.step_start, simulation.progress.counts.rhs) = (step_start, rhs);
         // An initial condition that cannot be continued is reported before any output is created.
         if simulation.start_is_broken() {
-            return Err(simulation.unbearable_start());
+            return Err(simulation.broken_start());
         }
         if simulation.control.rule == StepRule::ProportionalIntegral {
             simulation.check_rounding(tightening(scene))?;
@@ -275,15 +305,9 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     }
 
     /// A run without particles, before its first step.
-    fn at_rest(
-        scene: &Scene,
-        comm: &'c dyn Comm,
-        dynamics: Dynamics<'c, R, T, W>,
-        norm: Norm,
-        control: StepControl,
-        scale: f64,
-    ) -> Self {
-        let checkpoint = scene.checkpoint.as_ref();
+    fn at_rest(scene: &Scene, comm: &'c dyn Comm, dynamics: Dynamics<'c>, scale: f64) -> Self {
+        let (norm, control) = error_control(scene, scale);
+        let h = control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step));
         Simulation {
             comm,
             dynamics,
@@ -291,38 +315,25 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             tolerance: control.tolerance / tightening(scene),
             cutoff: cutoff(scene, scale),
             norm,
+            control,
             step_start: StepStart::new(0.0, Vec::new()),
             trial: TrialStep::default(),
-            h: control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step)),
-            limit: Limit::First,
-            control,
-            last: 0.0,
-            counts: Counts::default(),
-            dissipated: [0.0; 2],
-            forced_in_a_row: 0,
-            t_end: scene.t_end,
-            interval: scene.output.interval.unwrap_or(scene.t_end / 100.0),
-            frame: 0,
-            largest_overlap: 0.0,
-            output_seconds: 0.0,
+            progress: Progress::new(h),
+            schedule: Schedule::new(scene),
             stop: scene.stop.clone(),
-            watched: rest_detector::Watched::default(),
             moved_on: false,
             memory: None,
-            checkpoint_interval: checkpoint.and_then(|keys| keys.interval).unwrap_or(f64::INFINITY),
-            checkpoints: checkpoint.is_some(),
-            saved: 0.0,
-            started: Instant::now(),
+            clock: WallClock { started: Instant::now(), output_seconds: 0.0 },
         }
     }
 
     /// The equations of motion.
-    pub fn dynamics(&self) -> &Dynamics<'c, R, T, W> {
+    pub fn dynamics(&self) -> &Dynamics<'c> {
         &self.dynamics
     }
 
     /// The equations of motion, for evaluations outside of the run.
-    pub fn dynamics_mut(&mut self) -> &mut Dynamics<'c, R, T, W> {
+    pub fn dynamics_mut(&mut self) -> &mut Dynamics<'c> {
         &mut self.dynamics
     }
 
@@ -332,18 +343,18 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     }
 
     /// Last accepted state of the owned particles, in the order of the ids of `dynamics`.
-    pub fn state(&self) -> &[Motion<W>] {
+    pub fn state(&self) -> &[f64] {
         &self.step_start.y
     }
 
     /// Runs to the end of the scene, or until a stop request, and passes every frame to `observer`.
     /// Collective.
-    pub fn run(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
-        if self.frame == 0 {
+    pub fn run(mut self, observer: &mut dyn Observer) -> Result<Outcome, Error> {
+        if self.progress.frame == 0 {
             let first = std::mem::take(&mut self.step_start.y);
             self.show(0.0, &first, [0.0; 2], observer)?;
             self.step_start.y = first;
-            self.frame = 1;
+            self.progress.frame = 1;
         }
         'steps: loop {
             let step = self.find_step()?;
@@ -352,33 +363,33 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             }
             let reached = self.step_start.t + step.h;
             let extremes = self.dynamics.candidate();
-            while self.frame_time(self.frame) < reached {
-                let due = self.frame_time(self.frame);
+            while self.schedule.frame_time(self.progress.frame) < reached {
+                let due = self.schedule.frame_time(self.progress.frame);
                 let share = (due - self.step_start.t) / step.h;
                 let Some((state, dissipated)) = self.frame_inside(share, step.h) else {
                     // Rare: repeat the step with new lists.
                     self.dynamics.rebuild(&mut self.step_start)?;
-                    (self.h, self.limit) = (step.h, step.limit);
+                    (self.progress.h, self.progress.limit) = (step.h, step.limit);
                     continue 'steps;
                 };
-                let dissipated = [0, 1].map(|k| self.dissipated[k] + dissipated[k]);
-                if due >= self.t_end {
+                let dissipated = [0, 1].map(|k| self.progress.dissipated[k] + dissipated[k]);
+                if due >= self.schedule.t_end {
                     self.count(Step { h: share * step.h, limit: Limit::End, ..step })?;
                 }
                 self.show(due, &state, dissipated, observer)?;
-                if due >= self.t_end {
+                if due >= self.schedule.t_end {
                     return self.end(observer);
                 }
-                self.frame += 1;
+                self.progress.frame += 1;
             }
             self.count(step)?;
-            let shown = self.frame_time(self.frame) <= reached;
+            let shown = self.schedule.frame_time(self.progress.frame) <= reached;
             if shown {
                 self.show_result(reached, observer)?;
-                if reached >= self.t_end {
+                if reached >= self.schedule.t_end {
                     return self.end(observer);
                 }
-                self.frame += 1;
+                self.progress.frame += 1;
             }
             if let Some(by) = self.at_rest_by(reached) {
                 if !shown {
@@ -393,17 +404,11 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     }
 
     /// Ends the run at the end of the scene. Collective.
-    fn end(mut self, observer: &mut dyn Observer<W>) -> Result<Outcome, Error> {
-        if self.checkpoints {
+    fn end(mut self, observer: &mut dyn Observer) -> Result<Outcome, Error> {
+        if self.schedule.checkpoint_at_end {
             self.save(observer)?;
         }
-        Ok(Outcome { time: self.t_end, stopped: None, ..self.outcome() })
-    }
-
-    /// Time of frame `k`, s: k times the interval, or the end of the scene if that is earlier.
-    fn frame_time(&self, k: u64) -> f64 {
-        let t = k as f64 * self.interval;
-        if t < self.t_end - 1e-9 * self.interval { t } else { self.t_end }
+        Ok(Outcome { time: self.schedule.t_end, stopped: None, ..self.outcome() })
     }
 
     /// Chooses the size of the first step, at most the `initial_step` of the scene. Collective.
@@ -411,25 +416,24 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     /// An Euler step of that size would change the slope by about as much as the state (E. Hairer, S. P.
     /// Norsett, G. Wanner, Solving ODEs I, II.4).
     fn find_first_step(&mut self) {
-        let weights = self.norm.weights;
-        let mut slope = [self.step_start.slope.iter().map(|f| f.magnitude(&weights)).fold(0.0, larger)];
+        let (whole, slopes) = (self.dynamics.layout().whole(0), &self.step_start.slope);
+        let mut slope = [self.norm.largest(whole, |k| slopes[k])];
         self.comm.max(&mut slope);
-        // The step changes the state by one hundredth of its scales: radius and velocity scale.
         let guess = 0.01 / slope[0];
-        if guess < self.h {
-            self.h = self.control.clamp(guess);
+        if guess < self.progress.h {
+            self.progress.h = self.control.clamp(guess);
         }
     }
 
     /// Tries steps from the last accepted state until one is accepted. Its result is in `trial`. Collective.
     fn find_step(&mut self) -> Result<Step, Error> {
         loop {
-            self.counts.rhs +=
+            self.progress.counts.rhs +=
                 self.integrator.prepare(&mut self.dynamics, &mut self.step_start, &mut self.trial);
             if self.choose_cutoff() {
                 self.step_start.slope_known = false;
             }
-            let (mut h, mut limit) = (self.h, self.limit);
+            let (mut h, mut limit) = (self.progress.h, self.progress.limit);
             let stable = self.integrator.stable_step();
             let mut cut = |most: f64, by: Limit| {
                 if most < h {
@@ -446,26 +450,26 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
             let outcome = self.attempt(h);
             if !outcome.covered && !self.dynamics.lists_are_fresh() {
                 // Lists that do not cover the step say nothing about it: repeat it with new lists.
-                self.counts.outrun += 1;
+                self.progress.counts.outrun += 1;
                 self.dynamics.rebuild(&mut self.step_start)?;
-                (self.h, self.limit) = (h, limit);
+                (self.progress.h, self.progress.limit) = (h, limit);
                 continue;
             }
             if !outcome.within_travel || !outcome.covered {
-                self.counts.outrun += 1;
+                self.progress.counts.outrun += 1;
                 self.fail_if_impossible(h, outcome)?;
-                (self.h, self.limit) = (self.control.clamp(0.5 * h), Limit::Travel);
+                (self.progress.h, self.progress.limit) = (self.control.clamp(0.5 * h), Limit::Travel);
                 continue;
             }
             let decision = self.control.judge(h, outcome.error, self.integrator.error_order());
-            (self.h, self.limit) = (decision.next, decision.limit);
+            (self.progress.h, self.progress.limit) = (decision.next, decision.limit);
             if decision.accept {
                 if self.step_start.t + h == self.step_start.t {
                     return Err(self.no_step(h));
                 }
                 return Ok(Step { h, forced: decision.forced, limit });
             }
-            self.counts.rejected += 1;
+            self.progress.counts.rejected += 1;
             self.integrator.rejected();
             if outcome.error == f64::INFINITY {
                 self.fail_if_impossible(h, outcome)?;
@@ -484,7 +488,7 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     fn attempt(&mut self, h: f64) -> TrialOutcome {
         let outcome =
             self.integrator.attempt(&mut self.dynamics, &mut self.step_start, h, &self.norm, &mut self.trial);
-        self.counts.rhs += self.trial.evaluations;
+        self.progress.counts.rhs += self.trial.evaluations;
         outcome
     }
 
@@ -492,9 +496,10 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     ///
     /// It comes from the dense output if the method has one. If not, a step of its own leads there from the
     /// last accepted state. None if the lists are too old for that step.
-    fn frame_inside(&mut self, share: f64, h: f64) -> Option<(Vec<Motion<W>>, Dissipation)> {
+    fn frame_inside(&mut self, share: f64, h: f64) -> Option<(Vec<f64>, Dissipation)> {
         if self.integrator.has_inside() {
-            let state = self.integrator.inside(share, h, &self.step_start, &self.trial)?;
+            let layout = self.dynamics.layout();
+            let state = self.integrator.inside(share, h, &self.step_start, &self.trial, layout)?;
             let (start, end) = (self.step_start.dissipation, self.trial.dissipation);
             let dissipated = [0, 1].map(|k| {
                 let rest = 1.0 - share;
@@ -519,13 +524,8 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         // and the result: it is finite.
         let ends = self.step_start.y.iter().zip(&self.step_start.slope).zip(&self.trial.next);
         let state = ends.map(|((y, slope), result)| {
-            let mut bend = *result;
-            bend.add_scaled(-1.0, y);
-            bend.add_scaled(-h, slope);
-            let mut state = *y;
-            state.add_scaled(share * h, slope);
-            state.add_scaled(share * share, &bend);
-            state
+            let bend = result - y + slope * -h;
+            y + slope * (share * h) + bend * (share * share)
         });
         Some((state.collect(), self.trial.dissipated.map(|dissipated| share * dissipated)))
     }
@@ -538,25 +538,25 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
         (step_start.t, step_start.slope_known, step_start.dissipation) =
             (t, trial.slope_known, trial.dissipation);
         self.moved_on = true;
-        crate::ode::add_dissipation(&mut self.dissipated, 1.0, &trial.dissipated);
-        self.integrator.accepted(self.last, limit);
+        crate::ode::add_dissipation(&mut self.progress.dissipated, 1.0, &trial.dissipated);
+        self.integrator.accepted(self.progress.last, limit);
     }
 
     /// Counts an accepted step. Ends the run if too many steps are accepted only because steps cannot be
     /// smaller. Collective.
     fn count(&mut self, Step { h, forced, limit }: Step) -> Result<(), Error> {
-        self.last = h;
-        self.counts.accepted += 1;
-        self.counts.forced += u64::from(forced);
+        self.progress.last = h;
+        self.progress.counts.accepted += 1;
+        self.progress.counts.forced += u64::from(forced);
         let index = Limit::ALL.iter().position(|&other| other == limit);
-        self.counts.limits[index.expect("all limits are listed")] += 1;
-        self.forced_in_a_row = if forced { self.forced_in_a_row + 1 } else { 0 };
-        let accepted = self.counts.accepted;
-        let prevail = accepted > FORCED_GRACE && self.counts.forced * 100 > accepted;
-        if forced && (self.forced_in_a_row >= FORCED_IN_A_ROW || prevail) {
+        self.progress.counts.limits[index.expect("all limits are listed")] += 1;
+        self.progress.forced_in_a_row = if forced { self.progress.forced_in_a_row + 1 } else { 0 };
+        let accepted = self.progress.counts.accepted;
+        let prevail = accepted > FORCED_GRACE && self.progress.counts.forced * 100 > accepted;
+        if forced && (self.progress.forced_in_a_row >= FORCED_IN_A_ROW || prevail) {
             return Err(Error::BelowRoundOff {
                 tolerance: self.tolerance,
-                forced: self.counts.forced,
+                forced: self.progress.counts.forced,
                 accepted,
                 t: self.step_start.t,
                 h,
@@ -568,8 +568,13 @@ impl<'c, R: Rebound, T: Tangential, W: Spin> Simulation<'c, R, T, W> {
     }
 }
 
+/// The kernel with the effects of the scene.
+fn scene_kernel(scene: &Scene, set: InstructionSet) -> Box<dyn Kernel> {
+    kernel(Effects::of(scene), effects::law(scene), set)
+}
+
 /// What acts on the particles besides their contacts.
-fn parameters(scene: &Scene) -> BodyParameters {
+pub fn parameters(scene: &Scene) -> BodyParameters {
     let r = scene.particles.radius;
     BodyParameters {
         mass: scene.particles.mass,
@@ -583,8 +588,11 @@ fn parameters(scene: &Scene) -> BodyParameters {
 fn error_control(scene: &Scene, scale: f64) -> (Norm, StepControl) {
     let (solver, r) = (&scene.solver, scene.particles.radius);
     let paper = solver.norm == NormName::Paper;
-    let scaled = Weights { x: 1.0 / r, v: 1.0 / scale, omega: r / scale };
-    let norm = Norm { weights: if paper { Weights::MIXED } else { scaled }, rate: paper };
+    // Positions over the radius, velocities over the scale, and spins as the velocities of surfaces.
+    let [x, v, omega] = if paper { [1.0; 3] } else { [1.0 / r, 1.0 / scale, r / scale] };
+    let weights = [x, x, x, v, v, v, omega, omega, omega];
+    let width = if scene.rotates() { 9 } else { 6 };
+    let norm = Norm { weights: vec![weights[..width].to_vec()], rate: paper };
     let control = match solver.step {
         Some(step) => StepControl::new(StepRule::Fixed, 1.0, step, step),
         None => {
@@ -598,9 +606,7 @@ fn error_control(scene: &Scene, scale: f64) -> (Norm, StepControl) {
 
 /// Largest number of state vectors that the methods of the scene use.
 pub fn state_vectors(scene: &Scene) -> usize {
-    /// The number does not depend on the problem.
-    type Problem = Dynamics<'static, Elastic, Frictionless, Locked>;
-    Integrator::<Problem>::new(scene.solver.method, auto_plan(scene)).vectors()
+    Integrator::new(scene.solver.method, auto_plan(scene)).vectors()
 }
 
 /// How `auto` starts. It switches to the stabilised method where that needs less work.

@@ -4,8 +4,6 @@
 //! bit of the motion. A criterion is met when it has held in every check during a whole window.
 
 use super::Simulation;
-use crate::model::contact::{Rebound, Tangential};
-use crate::model::particle::{Motion, Spin};
 use crate::ode::Ivp;
 use crate::scene::Stop;
 use serde::{Deserialize, Serialize};
@@ -17,7 +15,7 @@ const CRITERIA: [&str; 3] = ["stop.kinetic_energy", "stop.unbalanced_force", "st
 
 /// State of the rest detector.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct Watched {
+pub struct Watched {
     /// Time of the next check, s.
     next: f64,
     /// Time since which each criterion has held, s.
@@ -69,32 +67,32 @@ impl Watched {
     }
 }
 
-impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
+impl Simulation<'_> {
     /// The criterion by which the bed is at rest at the end of the trial, at time `t` (s), if any.
     /// Collective.
     ///
     /// The memory for a checkpoint was stored before this check, so a resumed run repeats the check.
     pub(super) fn at_rest_by(&mut self, t: f64) -> Option<&'static str> {
-        if t < self.watched.next {
+        if t < self.progress.rest.next {
             return None;
         }
         let stop = self.stop.clone()?;
         let state = std::mem::take(&mut self.trial.next);
         let look = self.look(&stop, t, &state);
         self.trial.next = state;
-        self.watched.see(&stop, t, &look)
+        self.progress.rest.see(&stop, t, &look)
     }
 
     /// Measures the particles; leaves out what no criterion needs. Collective.
-    fn look(&mut self, stop: &Stop, t: f64, state: &[Motion<W>]) -> Look {
+    fn look(&mut self, stop: &Stop, t: f64, state: &[f64]) -> Look {
         let count = self.dynamics.count() as f64;
         let kinetic_energy = stop.kinetic_energy.map(|_| self.dynamics.kinetic_energy(state) / count);
         let unbalanced_force = stop.unbalanced_force.map(|_| {
             // The slope needs a vector of its own. That of the trial, where it is known, may come from older
             // lists, and the next step needs it unchanged.
-            let mut slope = vec![crate::ode::Linear::zero(); state.len()];
+            let mut slope = vec![0.0; state.len()];
             self.dynamics.rhs(t, state, &mut slope);
-            self.counts.rhs += 1;
+            self.progress.counts.rhs += 1;
             self.dynamics.unbalanced_force(state, &slope)
         });
         Look {

@@ -2,21 +2,19 @@
 
 use super::Simulation;
 use crate::error::Error;
-use crate::math::larger;
-use crate::model::contact::{Rebound, Tangential};
-use crate::model::particle::{Motion, Spin};
-use crate::ode::{Linear, Norm};
+use crate::ode::{Ivp, Norm, Part};
 
 /// Rounding errors of a step, in units in the last place: its result is a sum of a handful of changes.
 const ROUNDINGS: f64 = 10.0;
 
-impl<R: Rebound, T: Tangential, W: Spin> Simulation<'_, R, T, W> {
+impl Simulation<'_> {
     /// Refuses a tolerance that rounding alone exceeds. Collective.
     pub(super) fn check_rounding(&self, tightening: f64) -> Result<(), Error> {
-        let size = |state: &Motion<W>| state.magnitude(&self.norm.weights);
-        let mut largest = [self.step_start.y.iter().map(size).fold(0.0, larger)];
+        let (layout, y) = (self.dynamics.layout(), &self.step_start.y);
+        let size = |part: Part| self.norm.largest(part, |k| y[k]);
+        let mut largest = [size(layout.whole(0))];
         self.comm.max(&mut largest);
-        let i = self.dynamics.worst(|i| size(&self.step_start.y[i]));
+        let i = self.dynamics.worst(|i| size(layout.row(0, i)));
         check(&self.norm, self.control.tolerance, tightening, largest[0], i)
     }
 }
@@ -44,11 +42,10 @@ fn check(norm: &Norm, tolerance: f64, tightening: f64, largest: f64, i: u64) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ode::Weights;
 
     #[test]
     fn a_tolerance_below_ten_roundings_is_refused_where_errors_are_no_rates() {
-        let scaled = Norm { weights: Weights::MIXED, rate: false };
+        let scaled = Norm { weights: vec![vec![1.0; 6]], rate: false };
         // 4.2 m over a radius of 0.1 m: 10 * 2.2e-16 * 42.
         assert_eq!(check(&scaled, 1e-13, 1.0, 42.0, 7), Ok(()));
         let why = check(&scaled, 9e-14, 1.0, 42.0, 7).unwrap_err();
@@ -61,7 +58,7 @@ mod tests {
         // The tolerance is tightened to a hundredth.
         let why = check(&scaled, 9e-14, 0.01, 42.0, 7).unwrap_err().to_string();
         assert!(why.contains("9.4e-12 or more"), "{why}");
-        let rate = Norm { weights: Weights::MIXED, rate: true };
+        let rate = Norm { weights: vec![vec![1.0; 6]], rate: true };
         assert_eq!(check(&rate, 1e-20, 1.0, 42.0, 7), Ok(()));
     }
 }

@@ -1,6 +1,7 @@
 //! The layout of a checkpoint file. All numbers are little-endian.
 
 use super::{FORMAT, Header};
+use crate::model::columns::Changes;
 use std::ops::Range;
 
 /// The first bytes of every checkpoint.
@@ -14,11 +15,6 @@ pub const LONGEST_HEADER: u64 = 16 << 20;
 /// Bytes that one call reads or writes, about.
 pub const PIECE: usize = 1 << 20;
 
-/// How many numbers the state of one particle has.
-pub fn width(rotation: bool) -> u64 {
-    if rotation { 9 } else { 6 }
-}
-
 /// The position of every column in a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Layout {
@@ -26,8 +22,9 @@ pub struct Layout {
     pub header: u64,
     /// Number of particles.
     pub count: u64,
-    /// Numbers in one row of the columns state, origin, slope and direction; 0 if a column is missing.
-    pub widths: [u64; 4],
+    /// Numbers in one row of the tables state, constant columns, origin, slope and direction; 0 if a table
+    /// is missing.
+    pub widths: [u64; 5],
     /// Number of parts. A part is a block of rows with one checksum.
     pub parts: u64,
 }
@@ -35,9 +32,10 @@ pub struct Layout {
 impl Layout {
     /// Layout of a file with the header `of`, which takes `header` bytes when it is encoded.
     pub fn new(of: &Header, header: u64, parts: u64) -> Self {
-        let state = width(of.rotation);
+        let width = |changes| of.columns.width(changes) as u64;
+        let (state, constants) = (width(Changes::EveryStage), width(Changes::WithLists));
         let known = |known: bool| if known { state } else { 0 };
-        let widths = [state, 3, known(of.memory.slope_known), known(of.memory.direction_known)];
+        let widths = [state, constants, 3, known(of.memory.slope_known), known(of.memory.direction_known)];
         Layout { header, count: of.count, widths, parts }
     }
 

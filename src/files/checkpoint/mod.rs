@@ -16,6 +16,7 @@ mod tests;
 mod write;
 
 use crate::engine::simulation::{FrameSummary, Memory};
+use crate::model::columns::{Changes, Columns};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -23,7 +24,7 @@ pub use read::{look, read, verify};
 pub use write::write;
 
 /// Version of the file format. The program reads no other one.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 
 /// Everything in a checkpoint except the particles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -38,8 +39,8 @@ pub struct Header {
     pub scene: String,
     /// Number of particles.
     pub count: u64,
-    /// Whether the particles rotate, so that their states have angular velocities.
-    pub rotation: bool,
+    /// What a particle carries.
+    pub columns: Columns,
     /// Speed that scales errors of velocity, m/s.
     pub velocity_scale: f64,
     /// Wall time of the run so far, s.
@@ -86,8 +87,9 @@ pub fn clear(output: &Path) {
 }
 
 /// Upper bound of the size of one checkpoint of `count` particles, bytes.
-pub fn bytes(count: u64, rotation: bool) -> u64 {
-    let numbers = 3 + 3 * file::width(rotation);
+pub fn bytes(count: u64, columns: &Columns) -> u64 {
+    let [state, constants] = [Changes::EveryStage, Changes::WithLists].map(|changes| columns.width(changes));
+    let numbers = 3 + (3 * state + constants) as u64;
     // 64 KiB for the header and the table.
     (1 << 16) + count.saturating_mul(8 * numbers)
 }

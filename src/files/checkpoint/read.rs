@@ -6,8 +6,6 @@ use crate::domain::agreement::agree;
 use crate::domain::{Comm, rows};
 use crate::engine::simulation::Remembered;
 use crate::error::Error;
-use crate::math::vector::Vec3;
-use crate::model::particle::{Motion, Spin};
 use crc32fast::Hasher;
 use std::fs::{self, File};
 use std::io;
@@ -62,19 +60,20 @@ pub fn verify(comm: &dyn Comm, path: &Path) -> Result<(), String> {
 /// Reads the checkpoint `path`, which [`verify`] has accepted. Collective.
 ///
 /// Returns the header and the particles of this rank's block of ids.
-pub fn read<W: Spin>(comm: &dyn Comm, path: &Path) -> Result<(Header, Remembered<W>), Error> {
+pub fn read(comm: &dyn Comm, path: &Path) -> Result<(Header, Remembered), Error> {
     let read = || {
         let file = File::open(path).map_err(|why| why.to_string())?;
         let (header, layout) = head(&file)?;
-        if header.rotation != (W::COMPONENTS > 0) {
-            return Err("its particles are not those of its scene".into());
-        }
         let own = rows::block(header.count, comm.rank(), comm.size());
-        let column = |k: usize| states::<W>(&file, &layout, k, &own).map_err(|why| why.to_string());
-        let (state, places) = (column(0)?, column(1)?);
-        let origin = places.iter().map(|body| body.x).collect();
-        let remembered =
-            Remembered { memory: header.memory, state, origin, slope: column(2)?, direction: column(3)? };
+        let table = |k: usize| table(&file, &layout, k, &own).map_err(|why| why.to_string());
+        let remembered = Remembered {
+            memory: header.memory,
+            state: table(0)?,
+            constants: table(1)?,
+            origin: table(2)?,
+            slope: table(3)?,
+            direction: table(4)?,
+        };
         Ok((header, remembered))
     };
     agree(comm, read().map_err(|why: String| Error::Input(complaint(path, &why))))
@@ -161,33 +160,16 @@ fn sum(file: &File, layout: &Layout, rows: &Range<u64>) -> io::Result<u32> {
     Ok(hasher.finalize())
 }
 
-/// Reads the rows `rows` of column `k`; empty if the file has no such column.
-///
-/// A column of positions gives bodies at rest.
-fn states<W: Spin>(file: &File, layout: &Layout, k: usize, rows: &Range<u64>) -> io::Result<Vec<Motion<W>>> {
-    let width = layout.widths[k] as usize;
-    if width == 0 {
-        return Ok(Vec::new());
-    }
-    let place = layout.place(k, rows);
-    let mut states = Vec::with_capacity((rows.end - rows.start) as usize);
-    let per_piece = (PIECE / (8 * width)) as u64;
+/// The rows `rows` of table `k`; empty if the file does not have it.
+fn table(file: &File, layout: &Layout, k: usize, rows: &Range<u64>) -> io::Result<Vec<f64>> {
+    let Range { mut start, end } = layout.place(k, rows);
+    let mut numbers = Vec::with_capacity(((end - start) / 8) as usize);
     let mut piece = Vec::new();
-    let mut start = place.start;
-    while start < place.end {
-        piece.resize((place.end - start).min(per_piece * 8 * width as u64) as usize, 0);
+    while start < end {
+        piece.resize((end - start).min(PIECE as u64) as usize, 0);
         file.read_exact_at(&mut piece, start)?;
         start += piece.len() as u64;
-        states.extend(piece.chunks_exact(8 * width).map(|row| {
-            let mut numbers = [0.0; 9];
-            for (number, bytes) in numbers.iter_mut().zip(row.chunks_exact(8)) {
-                *number = f64::from_bits(file::word(bytes, 0));
-            }
-            match width {
-                3 => Motion { x: Vec3::from_column_slice(&numbers[..3]), v: Vec3::zeros(), omega: W::zero() },
-                _ => Motion::unpack(&numbers[..width]),
-            }
-        }));
+        numbers.extend(piece.chunks_exact(8).map(|bytes| f64::from_bits(file::word(bytes, 0))));
     }
-    Ok(states)
+    Ok(numbers)
 }

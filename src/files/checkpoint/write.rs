@@ -7,8 +7,6 @@ use crate::domain::agreement::agree;
 use crate::domain::rows::{self, ById};
 use crate::engine::simulation::Snapshot;
 use crate::error::Error;
-use crate::math::vector::Vec3;
-use crate::model::particle::{Motion, Spin};
 use crc32fast::Hasher;
 use std::fs::{self, File};
 use std::io;
@@ -20,11 +18,11 @@ use std::path::Path;
 ///
 /// `path` is the same on every rank. The file gets this name only when it is complete and on the disk. Then
 /// it replaces the earlier file.
-pub fn write<W: Spin>(
+pub fn write(
     comm: &dyn Comm,
     path: &Path,
     header: &Header,
-    snapshot: &Snapshot<W>,
+    snapshot: &Snapshot,
 ) -> Result<(), Error> {
     let unfinished = beside(path, "tmp");
     let encoded = postcard::to_stdvec(header).expect("a header holds numbers and texts");
@@ -45,12 +43,12 @@ fn failure(path: &Path, why: &io::Error) -> Error {
 }
 
 /// Writes everything after the header, and gives the file its name. Collective.
-fn fill<W: Spin>(
+fn fill(
     comm: &dyn Comm,
     path: &Path,
     unfinished: &Path,
     layout: &Layout,
-    snapshot: &Snapshot<W>,
+    snapshot: &Snapshot,
 ) -> Result<(), Error> {
     let failure = |why: io::Error| failure(path, &why);
     let rows = rows::block(snapshot.count, comm.rank(), comm.size());
@@ -93,26 +91,27 @@ fn finish(unfinished: &Path, path: &Path, layout: &Layout, table: &[u8]) -> io::
 /// Writes this rank's rows of all columns to the disk, and returns their checksum. Collective.
 ///
 /// A rank that cannot write to the file still takes part in every collective call.
-fn write_block<W: Spin>(
+fn write_block(
     comm: &dyn Comm,
     path: &Path,
     layout: &Layout,
     rows: &Range<u64>,
-    snapshot: &Snapshot<W>,
+    snapshot: &Snapshot,
 ) -> io::Result<u32> {
-    let places: Vec<Motion<W>> = snapshot.origin.iter().map(|x| at(*x)).collect();
-    let columns = [snapshot.state, &places, snapshot.slope, snapshot.direction];
+    let origin: Vec<f64> = snapshot.origin.iter().flatten().copied().collect();
+    let Snapshot { state, constants, slope, direction, .. } = *snapshot;
+    let tables = [state, constants, &origin, slope, direction];
     let mut file = File::options().write(true).open(path);
     let mut hasher = Hasher::new();
-    for (k, column) in columns.into_iter().enumerate() {
+    for (k, table) in tables.into_iter().enumerate() {
         let width = layout.widths[k] as usize;
         if width == 0 {
             continue;
         }
-        let by_id = ById::new(comm, snapshot.count, snapshot.ids, column);
+        let by_id = ById::new(comm, snapshot.count, snapshot.ids, table, width);
         file = file.and_then(|file| {
             let start = layout.place(k, rows).start;
-            write_rows(&file, start, width, &by_id, &mut hasher)?;
+            write_rows(&file, (start, width), &by_id, &mut hasher)?;
             Ok(file)
         });
     }
@@ -120,34 +119,26 @@ fn write_block<W: Spin>(
     Ok(hasher.finalize())
 }
 
-/// Writes the first `width` numbers of every state, from byte `start` on, and adds them to the checksum.
-fn write_rows<W: Spin>(
+/// Writes rows of `width` numbers from byte `start` on.
+fn write_rows(
     file: &File,
-    start: u64,
-    width: usize,
-    by_id: &ById<W>,
+    (mut start, width): (u64, usize),
+    by_id: &ById,
     hasher: &mut Hasher,
 ) -> io::Result<()> {
-    let (mut piece, mut place) = (Vec::with_capacity(PIECE + 8 * width), start);
+    let mut piece = Vec::with_capacity(PIECE + 8 * width);
     let mut pour = |piece: &mut Vec<u8>| {
-        file.write_all_at(piece, place)?;
+        file.write_all_at(piece, start)?;
         hasher.update(piece);
-        place += piece.len() as u64;
+        start += piece.len() as u64;
         piece.clear();
         Ok(())
     };
-    let mut numbers = [0.0; 9];
-    for state in by_id.iter() {
-        state.pack(&mut numbers);
-        piece.extend(numbers[..width].iter().flat_map(|number| number.to_le_bytes()));
+    for row in by_id.iter() {
+        piece.extend(row.iter().flat_map(|number| number.to_le_bytes()));
         if piece.len() >= PIECE {
             pour(&mut piece)?;
         }
     }
     pour(&mut piece)
-}
-
-/// A body at rest at `x` (m).
-fn at<W: Spin>(x: Vec3) -> Motion<W> {
-    Motion { x, v: Vec3::zeros(), omega: W::zero() }
 }

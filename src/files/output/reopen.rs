@@ -80,7 +80,7 @@ pub fn frame(file: &File, k: u64, count: u64) -> Result<InitialCondition, String
     let spins = "VTKHDF/PointData/angular_velocity";
     let (x, v) = (rows("VTKHDF/Points")?, rows("VTKHDF/PointData/velocity")?);
     let omega = if file.link_exists(spins) { rows(spins)? } else { vec![[0.0; 3]; x.len()] };
-    Ok(InitialCondition { x, v, omega })
+    Ok(InitialCondition { x, v, omega, ..InitialCondition::default() })
 }
 
 /// Cuts the file to its first `frames` frames, so that the run which `info` describes can go on in it.

@@ -2,10 +2,13 @@
 
 mod file;
 
+use std::ops::Range;
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::error::Error;
+use crate::model::columns::{Column, Columns};
 use crate::math::digits::{short, triple};
 use crate::scene::walls::described_walls;
 use crate::scene::{Grid, Scene, cells_along, shown};
@@ -21,6 +24,29 @@ pub struct InitialCondition {
     pub v: Vec<[f64; 3]>,
     /// Angular velocities, rad/s.
     pub omega: Vec<[f64; 3]>,
+    /// Further columns, such as a tag of every particle: row `k` of each belongs to particle `k`.
+    pub columns: Vec<(Column, Vec<f64>)>,
+}
+
+impl InitialCondition {
+    /// The particles with the given `ids`: their columns, rows of their states, and rows of the columns that
+    /// change only when lists are built. `rotation` tells whether the state has an angular velocity.
+    pub fn rows(&self, ids: Range<u64>, rotation: bool) -> (Columns, Vec<f64>, Vec<f64>) {
+        let mut columns = Columns::new(rotation);
+        self.columns.iter().for_each(|(column, _)| columns.push(column.clone()));
+        let (mut state, mut constants) = (Vec::new(), Vec::new());
+        for i in ids.map(|id| id as usize) {
+            state.extend(self.x[i]);
+            state.extend(self.v[i]);
+            if rotation {
+                state.extend(self.omega[i]);
+            }
+            for (Column { width, .. }, numbers) in &self.columns {
+                constants.extend(&numbers[i * width..(i + 1) * width]);
+            }
+        }
+        (columns, state, constants)
+    }
 }
 
 /// The randomly perturbed grid of Fig. 4.2a, at rest. A pure function: it gives the same on every rank.
@@ -47,7 +73,7 @@ pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
         })
         .collect();
     let still = vec![[0.0; 3]; x.len()];
-    InitialCondition { x, v: still.clone(), omega: still }
+    InitialCondition { x, v: still.clone(), omega: still, ..InitialCondition::default() }
 }
 
 /// Checks the initial condition of either source.
@@ -208,7 +234,7 @@ mod tests {
     fn a_centre_outside_is_named_with_its_wall_and_distance() {
         let scene = scene(&["container.wall=[{ normal = [0, 0, 1e200], point = [0, 0, 9] }]"]);
         let mut start =
-            InitialCondition { x: vec![[0.5; 3]; 4], v: vec![[0.0; 3]; 4], omega: vec![[0.0; 3]; 4] };
+            InitialCondition { x: vec![[0.5; 3]; 4], v: vec![[0.0; 3]; 4], omega: vec![[0.0; 3]; 4], ..InitialCondition::default() };
         assert_eq!(check(&scene, &start), Ok(()));
         let message = |start: &InitialCondition| check(&scene, start).unwrap_err().to_string();
         start.x[3] = [0.5, 1.25, 0.5];

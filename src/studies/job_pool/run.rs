@@ -4,11 +4,10 @@
 
 use super::{Sample, Work};
 use crate::domain::Solo;
-use crate::engine::simulation::{Counts, Frame, Simulation, Task, dispatch};
+use crate::engine::simulation::{Counts, Frame, Simulation};
 use crate::error::Error;
 use crate::math::vector::Vec3;
-use crate::model::contact::{Law, Rebound, Tangential};
-use crate::model::particle::Spin;
+use crate::model::columns::{position, spin, velocity};
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
 
@@ -58,7 +57,7 @@ pub fn run(scene: &Scene, start: &InitialCondition, limit: u64, mut look: impl F
         };
     }
     let mut counts = Counts::default();
-    let outcome = dispatch(scene, Plain { scene, start, limit, counts: &mut counts, look: &mut look });
+    let outcome = follow(scene, start, limit, &mut counts, &mut look);
     let work = Work {
         rhs_evaluations: counts.rhs,
         pair_evaluations: counts.pairs,
@@ -69,40 +68,32 @@ pub fn run(scene: &Scene, start: &InitialCondition, limit: u64, mut look: impl F
     Sample { work, failure: outcome.err().map(|why| why.to_string()), numbers: Vec::new() }
 }
 
-/// A run whose effects `dispatch` turns into types.
-struct Plain<'a> {
-    scene: &'a Scene,
-    start: &'a InitialCondition,
+/// Runs the scene and keeps `counts` up to date, also where the run fails.
+fn follow(
+    scene: &Scene,
+    start: &InitialCondition,
     limit: u64,
-    counts: &'a mut Counts,
-    look: &'a mut dyn FnMut(&FrameData),
-}
-
-impl Task for Plain<'_> {
-    type Output = Result<(), Error>;
-
-    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Self::Output {
-        let Plain { scene, start, limit, counts, look } = self;
-        let simulation = Simulation::<R, T, W>::new(scene, start, law, &Solo)?;
-        let outcome = simulation.run(&mut |frame: &Frame<W>| {
-            *counts = frame.counts;
-            look(&frame_data(frame));
-            if frame.counts.rhs > limit && frame.time < scene.t_end {
-                return Err(Error::WorkLimit { t: frame.time, done: frame.counts.rhs, limit });
-            }
-            Ok(())
-        })?;
-        *counts = outcome.counts;
+    counts: &mut Counts,
+    look: &mut dyn FnMut(&FrameData),
+) -> Result<(), Error> {
+    let outcome = Simulation::new(scene, start, &Solo)?.run(&mut |frame: &Frame| {
+        *counts = frame.counts;
+        look(&frame_data(frame));
+        if frame.counts.rhs > limit && frame.time < scene.t_end {
+            return Err(Error::WorkLimit { t: frame.time, done: frame.counts.rhs, limit });
+        }
         Ok(())
-    }
+    })?;
+    *counts = outcome.counts;
+    Ok(())
 }
 
-fn frame_data<W: Spin>(frame: &Frame<W>) -> FrameData {
+fn frame_data(frame: &Frame) -> FrameData {
     FrameData {
         time: frame.time,
-        x: frame.rows.map(|body| body.x),
-        v: frame.rows.map(|body| body.v),
-        omega: frame.rows.map(|body| body.omega.vector()),
+        x: frame.rows.map(position),
+        v: frame.rows.map(velocity),
+        omega: frame.rows.map(spin),
         kinetic_energy: frame.kinetic_energy,
         potential_energy: frame.potential_energy,
         dissipated: frame.dissipated,

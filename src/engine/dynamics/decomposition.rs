@@ -1,0 +1,149 @@
+//! How the particles are spread over the ranks: which ones this rank owns, and which ghosts it needs.
+
+use crate::domain::halo::{Extent, Halo};
+use crate::domain::migration::{self, Census};
+use crate::domain::slabs::Slabs;
+use crate::domain::{Comm, Table};
+use crate::engine::neighbors::{Key, Order};
+use crate::error::Error;
+use crate::math::vector::Vec3;
+use crate::model::columns::{Changes, Columns, POSITION, position};
+
+/// Particles of this rank that do not change during a step: ids, constant columns, ghosts.
+pub struct Decomposition<'c> {
+    pub comm: &'c dyn Comm,
+    census: Census,
+    pub slabs: Slabs,
+    pub halo: Halo,
+    /// Ids of the owned particles in summation order, then of the ghosts.
+    pub ids: Vec<u64>,
+    /// Number of owned particles.
+    pub owned: usize,
+    /// What a particle carries.
+    pub columns: Columns,
+    /// Columns that change only when lists are built: rows of the owned particles, then of the ghosts.
+    pub constants: Vec<f64>,
+}
+
+/// Owned particles and ghosts after a relocation, by local index.
+pub struct Bodies {
+    /// Rows of the state.
+    pub rows: Vec<f64>,
+    /// Positions in the summation order.
+    pub keys: Vec<Key>,
+}
+
+impl<'c> Decomposition<'c> {
+    /// Takes the particles `ids` with the states `y` and the constant columns `constants`. They may be spread
+    /// over the ranks in any way. Collective.
+    pub fn new(comm: &'c dyn Comm, ids: Vec<u64>, columns: Columns, constants: Vec<f64>, y: &[f64]) -> Self {
+        let width = columns.width(Changes::EveryStage);
+        let mut slabs = Slabs::new(comm.size(), sizes(comm, y, width));
+        let heights: Vec<_> = y.chunks_exact(width).map(|row| (slabs.height(&position(row)), 1)).collect();
+        slabs.balance(comm, heights.into_iter());
+        let (census, owned) = (Census::take(comm, &ids), ids.len());
+        Decomposition { comm, census, slabs, halo: Halo::default(), ids, owned, columns, constants }
+    }
+
+    /// Ids of the owned particles.
+    pub fn own_ids(&self) -> &[u64] {
+        &self.ids[..self.owned]
+    }
+
+    /// Constant columns of the owned particles.
+    pub fn own_constants(&self) -> &[f64] {
+        &self.constants[..self.owned * self.columns.width(Changes::WithLists)]
+    }
+
+    /// Number of particles on all ranks.
+    pub fn count(&self) -> u64 {
+        self.census.count()
+    }
+
+    /// Brings particles to their owners, adapts the slab bounds to the `loads` of the owned particles, and
+    /// finds ghosts within `cutoff` (m). Collective.
+    ///
+    /// The first of the `tables` is the state; the others move along.
+    pub fn relocate(
+        &mut self,
+        t: f64,
+        loads: &[u64],
+        tables: Vec<Table>,
+        cutoff: f64,
+    ) -> Result<Bodies, Error> {
+        let (comm, width) = (self.comm, tables[0].width);
+        let constant = self.columns.width(Changes::WithLists);
+        self.ids.truncate(self.owned);
+        self.constants.truncate(self.owned * constant);
+        let mut constants = std::mem::take(&mut self.constants);
+        let mut tables: Vec<Table<'_>> = tables;
+        if constant > 0 {
+            tables.push(Table { numbers: &mut constants, width: constant });
+        }
+        if comm.size() > 1 {
+            let own = loads.iter().sum::<u64>() as f64;
+            let all: Vec<u64> = gather(comm, [own]).into_iter().map(|[load]| load as u64).collect();
+            let y = &*tables[0].numbers;
+            let turned = self.slabs.turn(sizes(comm, y, width));
+            let heights = y.chunks_exact(width).map(|row| self.slabs.height(&position(row)));
+            let particles: Vec<_> = heights.zip(loads.iter().copied()).collect();
+            if turned {
+                self.slabs.balance(comm, particles.into_iter());
+            } else {
+                self.slabs.follow(comm, particles.into_iter(), &all);
+            }
+        }
+        migration::migrate(comm, &self.slabs, &mut self.ids, &mut tables);
+        self.owned = self.ids.len();
+        self.census.check(comm, &self.ids, t)?;
+        let [a, b, c] = extents(tables[0].numbers, width);
+        let extents = gather(comm, [a.low, a.high, b.low, b.high, c.low, c.high]).into_iter();
+        let extents: Vec<[Extent; 3]> =
+            extents.map(|ends| [0, 2, 4].map(|k| Extent { low: ends[k], high: ends[k + 1] })).collect();
+        let size = |axis: usize| Extent::around(extents.iter().map(|axes| axes[axis])).length();
+        let order = Order::new([0, 1, 2].map(size), cutoff);
+        migration::sort(|x, id| order.key(x, id), &mut self.ids, &mut tables);
+        let axis = self.slabs.axis();
+        let heights: Vec<_> = extents.iter().map(|axes| axes[axis]).collect();
+        let y = &tables[0].numbers[..];
+        let ghost_ids = self.halo.plan(comm, &self.ids, (y, width), (axis, &heights), cutoff);
+        self.ids.extend(ghost_ids);
+        let mut rows = Vec::with_capacity(y.len() + self.halo.ghosts() * width);
+        rows.extend_from_slice(y);
+        rows.resize(y.len() + self.halo.ghosts() * width, 0.0);
+        self.halo.refresh(comm, y, &mut rows[y.len()..]);
+        drop(tables);
+        if constant > 0 {
+            let of_ghosts = self.halo.gather(comm, &constants, constant);
+            constants.extend(of_ghosts);
+        }
+        self.constants = constants;
+        let key = |(row, &id): (&[f64], &u64)| order.key(&position(row), id);
+        let keys = rows.chunks_exact(width).zip(&self.ids).map(key).collect();
+        Ok(Bodies { rows, keys })
+    }
+
+    /// Centres of the owned particles with the states `y`, m.
+    pub fn centres(&self, y: &[f64]) -> impl Iterator<Item = Vec3> {
+        y.chunks_exact(self.columns.width(Changes::EveryStage)).map(position)
+    }
+}
+
+/// The numbers `own` of every rank, by rank. Collective.
+pub fn gather<const K: usize>(comm: &dyn Comm, own: [f64; K]) -> Vec<[f64; K]> {
+    let mut all = vec![[0.0; K]; comm.size()];
+    comm.all_gather(&own, all.as_flattened_mut());
+    all
+}
+
+/// Extent of the particles of this rank along each axis.
+fn extents(y: &[f64], width: usize) -> [Extent; 3] {
+    [0, 1, 2].map(|axis| Extent::of(y.chunks_exact(width).map(|row| row[POSITION.start + axis])))
+}
+
+/// Extent of the particles of all ranks along each axis, m; negative if there are none. Collective.
+fn sizes(comm: &dyn Comm, y: &[f64], width: usize) -> [f64; 3] {
+    let mut ends = extents(y, width).map(|extent| [-extent.low, extent.high]);
+    comm.max(ends.as_flattened_mut());
+    ends.map(|[low, high]| high + low)
+}

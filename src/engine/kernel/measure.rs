@@ -1,0 +1,135 @@
+//! Numbers of every contact, such as energies, whose maxima or sums over all contacts are wanted.
+
+use super::{BATCH, Batch, Block, distance, rows, spin};
+use crate::math::elementary::Arithmetic;
+use crate::math::instructions::{InstructionSet, Lanes, Vectorised, run};
+use crate::math::vector::{Vec3, scaled, vector};
+use crate::model::columns::{POSITION, VELOCITY, position};
+use crate::model::contact::{AtRest, Law, Rebound, Tangential};
+use crate::model::wall::Wall;
+
+/// The contacts of one block to be measured. Over all blocks of all ranks, each contact is measured once.
+pub struct Survey<'a> {
+    /// Radius of every sphere, m.
+    pub r: f64,
+    /// The walls.
+    pub walls: &'a [Wall],
+    /// Bodies of the block by slot, as rows of the state.
+    pub bodies: &'a [f64],
+    /// Numbers in a row of the state.
+    pub width: usize,
+    /// The block with its lists: near pairs and all listed walls are measured.
+    pub block: &'a Block,
+    /// Scratch memory.
+    pub batch: &'a mut Batch,
+}
+
+/// Two numbers of a contact that depend on its gap alone.
+#[derive(Debug, Clone, Copy)]
+pub enum GapMeasure {
+    /// How deep a contact is: how far its gap is below the largest gap at which surfaces interact, and its
+    /// overlap, m. The field is that largest gap, m. A number that would be negative is 0.
+    Depth(f64),
+    /// The energy that a contact stores, J. The second number is 0.
+    Stored(AtRest),
+}
+
+impl GapMeasure {
+    #[inline(always)]
+    fn of<A: Arithmetic>(&self, gap: f64) -> [f64; 2] {
+        let above = |x: f64| if x > 0.0 { x } else { 0.0 };
+        match self {
+            GapMeasure::Depth(l_max) => [above(l_max - gap), above(-gap)],
+            GapMeasure::Stored(at_rest) => [at_rest.stored::<A>(gap), 0.0],
+        }
+    }
+}
+
+/// Calls `take` with the numbers of every contact of the survey. The order must not matter to `take`.
+pub fn measure_gaps(
+    set: InstructionSet,
+    survey: Survey,
+    measure: &GapMeasure,
+    take: &mut dyn FnMut([f64; 2]),
+) {
+    run(set, Gaps(survey, measure, take));
+}
+
+struct Gaps<'a>(Survey<'a>, &'a GapMeasure, &'a mut dyn FnMut([f64; 2]));
+
+impl Vectorised for Gaps<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn work<L: Lanes>(self) {
+        let Gaps(Survey { r, walls, bodies, width, block, batch }, measure, take) = self;
+        let x = |slot: u32| position(&bodies[slot as usize * width..]);
+        for pairs in block.near.chunks(BATCH) {
+            for (k, &[i, j]) in pairs.iter().enumerate() {
+                batch.put_normal(k, &(x(i) - x(j)));
+            }
+            for k in 0..Batch::rows(pairs.len()) {
+                let (d2, inverse_d) = distance::<L>(&batch.normal(k));
+                batch.put_numbers(k, measure.of::<L>(L::add_product(d2, inverse_d, -2.0 * r)));
+            }
+            take_owned(block, pairs, batch, take);
+        }
+        for contacts in block.walls.chunks(BATCH) {
+            for (k, &[i, wall]) in contacts.iter().enumerate() {
+                batch.gap[k] = walls[wall as usize].depth(&x(i)) - r;
+            }
+            for k in 0..Batch::rows(contacts.len()) {
+                batch.put_numbers(k, measure.of::<L>(batch.gap[k]));
+            }
+            (0..contacts.len()).for_each(|k| take(batch.numbers(k)));
+        }
+    }
+}
+
+/// Power that every contact dissipates.
+pub(super) struct Power<'a, R, T, const N: usize>(
+    pub &'a Law<R, T>,
+    pub Survey<'a>,
+    pub &'a mut dyn FnMut([f64; 2]),
+);
+
+impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N> {
+    type Output = ();
+    #[inline(always)]
+    fn work<L: Lanes>(self) {
+        let Power(law, Survey { r, walls, bodies, block, batch, .. }, take) = self;
+        let (bodies, energies) = (rows::<N>(bodies), law.energies());
+        let power = |batch: &mut Batch, k: usize, gap: f64, n: Vec3| {
+            let numbers = energies.dissipation::<L>(gap, &n, &batch.velocity(k), &batch.torque::<N>(k));
+            batch.put_numbers(k, numbers);
+        };
+        for pairs in block.near.chunks(BATCH) {
+            batch.gather::<L, N>(bodies, pairs);
+            for k in 0..Batch::rows(pairs.len()) {
+                let apart = batch.normal(k);
+                let (d2, inverse_d) = distance::<L>(&apart);
+                power(batch, k, L::add_product(d2, inverse_d, -2.0 * r), scaled(inverse_d, &apart));
+            }
+            take_owned(block, pairs, batch, take);
+        }
+        for contacts in block.walls.chunks(BATCH) {
+            for (k, &[i, wall]) in contacts.iter().enumerate() {
+                let (body, wall) = (&bodies[i as usize], &walls[wall as usize]);
+                batch.gap[k] = wall.depth(&vector(&body[POSITION])) - r;
+                batch.put::<N>(k, &-wall.normal, &vector(&body[VELOCITY]), &spin(body));
+            }
+            for k in 0..Batch::rows(contacts.len()) {
+                power(batch, k, batch.gap[k], batch.normal(k));
+            }
+            (0..contacts.len()).for_each(|k| take(batch.numbers(k)));
+        }
+    }
+}
+
+/// Calls `take` for the pairs whose first particle is an own one. The others are counted in its block.
+fn take_owned(block: &Block, pairs: &[[u32; 2]], batch: &Batch, take: &mut dyn FnMut([f64; 2])) {
+    for (k, [i, _]) in pairs.iter().enumerate() {
+        if block.owns(*i) {
+            take(batch.numbers(k));
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! Vectors of numbers, as rows in segments.
+//!
+//! A segment holds rows of one kind, one after the other. All rows of a segment have the same columns. A
+//! vector holds the segments one after the other.
+
+use crate::math::larger;
+use crate::threads::Cut;
+use std::ops::Range;
+
+/// Rows of one kind: how many there are on this process, and what their columns are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Segment {
+    /// Number of rows on this process.
+    pub rows: usize,
+    /// Numbers in a row.
+    pub width: usize,
+    /// Number of columns that are positions. They come first, and their velocities follow in the same order.
+    ///
+    /// Columns after these are of first order. Velocity Verlet treats them like velocities.
+    pub positions: usize,
+}
+
+/// The segments of all vectors of a problem, in order.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Layout(pub Vec<Segment>);
+
+impl Layout {
+    /// Numbers in a vector.
+    pub fn len(&self) -> usize {
+        self.0.iter().map(|segment| segment.rows * segment.width).sum()
+    }
+
+    /// Whether vectors hold no numbers.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// All rows of segment `k`.
+    pub fn whole(&self, k: usize) -> Part {
+        let start = self.0[..k].iter().map(|segment| segment.rows * segment.width).sum();
+        let Segment { rows, width, positions } = self.0[k];
+        Part { segment: k, row: 0, start, len: rows * width, width, positions }
+    }
+
+    /// Row `i` of segment `k`.
+    pub fn row(&self, k: usize, i: usize) -> Part {
+        self.whole(k).rows(i..i + 1)
+    }
+
+    /// All segments, each as one part.
+    pub fn parts(&self) -> impl Iterator<Item = Part> {
+        (0..self.0.len()).map(|k| self.whole(k))
+    }
+}
+
+/// Consecutive rows of one segment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    /// Index of the segment.
+    pub segment: usize,
+    /// Index of the first row in its segment.
+    pub row: usize,
+    /// Index of the first number in the vector.
+    pub start: usize,
+    /// Length in numbers.
+    pub len: usize,
+    /// Numbers in a row.
+    pub width: usize,
+    /// Columns that are positions, as for [`Segment::positions`].
+    pub positions: usize,
+}
+
+impl Part {
+    /// Indices of the numbers in the vector.
+    pub fn range(&self) -> Range<usize> {
+        self.start..self.start + self.len
+    }
+
+    /// Some rows of the part, by their index in it.
+    pub fn rows(&self, rows: Range<usize>) -> Part {
+        Part {
+            row: self.row + rows.start,
+            start: self.start + rows.start * self.width,
+            len: rows.len() * self.width,
+            ..*self
+        }
+    }
+
+    /// Adds `h` times the slopes to all columns of `numbers` that are not positions.
+    pub fn kick(&self, h: f64, slopes: &[f64], numbers: &mut [f64]) {
+        let rows = numbers.chunks_exact_mut(self.width).zip(slopes.chunks_exact(self.width));
+        for (row, slope) in rows {
+            for (number, slope) in row[self.positions..].iter_mut().zip(&slope[self.positions..]) {
+                *number += slope * h;
+            }
+        }
+    }
+
+    /// Adds `h` times the velocities to the positions in `numbers`.
+    pub fn drift(&self, h: f64, numbers: &mut [f64]) {
+        for row in numbers.chunks_exact_mut(self.width) {
+            let (positions, rest) = row.split_at_mut(self.positions);
+            for (x, v) in positions.iter_mut().zip(rest) {
+                *x += *v * h;
+            }
+        }
+    }
+}
+
+/// Consecutive rows of a vector, lent to whoever changes them. They can be cut between rows.
+#[derive(Debug)]
+pub struct Rows<'a> {
+    /// The numbers, row after row.
+    pub numbers: &'a mut [f64],
+    /// Numbers in a row; 0 for a vector that is not used, which holds no numbers.
+    pub width: usize,
+}
+
+impl<'a> Rows<'a> {
+    /// Rows of the given `width`; where there are no numbers, a vector that is not used.
+    pub fn new(numbers: &'a mut [f64], width: usize) -> Self {
+        let width = if numbers.is_empty() { 0 } else { width };
+        Rows { numbers, width }
+    }
+}
+
+impl Cut for Rows<'_> {
+    fn cut(self, at: usize) -> (Self, Self) {
+        let (before, after) = self.numbers.split_at_mut(at * self.width);
+        (Rows { numbers: before, width: self.width }, Rows { numbers: after, width: self.width })
+    }
+}
+
+/// How the error of a step is measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Norm {
+    /// For every segment the weight of each column: what its numbers are multiplied by before they are
+    /// compared with a tolerance.
+    pub weights: Vec<Vec<f64>>,
+    /// Whether the error is a rate, as in the paper: 3/h times the local error, as published for Merson's
+    /// method. Otherwise it is the local error itself.
+    pub rate: bool,
+}
+
+impl Norm {
+    /// Largest weighted magnitude of `value(k)` over the numbers k of `part`; NaN counts as +infinity.
+    ///
+    /// The index k counts from the start of the vector.
+    pub fn largest(&self, part: Part, value: impl Fn(usize) -> f64) -> f64 {
+        let weights = &self.weights[part.segment][..];
+        match weights.len() {
+            // The usual widths, which the compiler then knows.
+            6 => largest::<6>(weights, part, value),
+            9 => largest::<9>(weights, part, value),
+            width => {
+                let weight = |k: usize| weights[(k - part.start) % width];
+                part.range().fold(0.0, |most, k| larger(most, weight(k) * value(k).abs()))
+            }
+        }
+    }
+}
+
+fn largest<const N: usize>(weights: &[f64], part: Part, value: impl Fn(usize) -> f64) -> f64 {
+    let (mut most, mut sum) = ([0.0; N], [0.0; N]);
+    for row in (part.start..part.start + part.len).step_by(N) {
+        for c in 0..N {
+            let weighted = weights[c] * value(row + c).abs();
+            most[c] = if weighted > most[c] { weighted } else { most[c] };
+            sum[c] += weighted;
+        }
+    }
+    // The comparison misses what is NaN, the sum does not.
+    if sum.iter().any(|sum| sum.is_nan()) {
+        return f64::INFINITY;
+    }
+    most.into_iter().fold(0.0, larger)
+}
+
+/// Largest magnitude of some numbers; NaN counts as +infinity.
+pub fn largest_magnitude(numbers: &[f64]) -> f64 {
+    numbers.iter().fold(0.0, |most, number| larger(most, number.abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_a_second_segment_start_behind_the_first() {
+        let segment = |rows, width, positions| Segment { rows, width, positions };
+        let layout = Layout(vec![segment(4, 6, 3), segment(5, 3, 0)]);
+        assert_eq!(layout.len(), 39);
+        assert_eq!(layout.whole(1).range(), 24..39);
+        assert_eq!(layout.row(1, 2).range(), 30..33);
+        assert_eq!(layout.row(0, 3).range(), 18..24);
+    }
+
+    #[test]
+    fn a_kick_changes_velocities_and_a_drift_positions() {
+        let layout = Layout(vec![Segment { rows: 2, width: 3, positions: 1 }]);
+        let mut y = vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+        layout.whole(0).kick(0.5, &[9.0, 2.0, 4.0, 9.0, 6.0, 8.0], &mut y);
+        assert_eq!(y, [1.0, 3.0, 5.0, 4.0, 8.0, 10.0]);
+        layout.whole(0).drift(0.5, &mut y);
+        assert_eq!(y, [2.5, 3.0, 5.0, 8.0, 8.0, 10.0]);
+    }
+
+    #[test]
+    fn the_largest_number_is_weighted_by_its_column_and_nan_is_infinite() {
+        for width in [2, 6, 9] {
+            let layout = Layout(vec![Segment { rows: 3, width, positions: 1 }]);
+            let weights = (0..width).map(|c| if c == 1 { 10.0 } else { 1.0 }).collect();
+            let norm = Norm { weights: vec![weights], rate: false };
+            let mut y = vec![1.0; 3 * width];
+            y[width + 1] = -2.0;
+            y[2 * width] = 7.0;
+            assert_eq!(norm.largest(layout.whole(0), |k| y[k]), 20.0);
+            assert_eq!(norm.largest(layout.row(0, 2), |k| y[k]), 10.0);
+            for at in 0..3 * width {
+                let mut broken = y.clone();
+                broken[at] = f64::NAN;
+                assert_eq!(norm.largest(layout.whole(0), |k| broken[k]), f64::INFINITY);
+                assert_eq!(largest_magnitude(&broken), f64::INFINITY);
+            }
+        }
+    }
+}
