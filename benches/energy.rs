@@ -1,22 +1,17 @@
 //! What energies cost: the potential energy of a frame, and a right-hand side with and without what contacts
 //! dissipate.
 
-use common::Job;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use demhybrid::engine::simulation::Simulation;
-use demhybrid::model::contact::{Rebound, Tangential};
-use demhybrid::model::particle::Spin;
 use demhybrid::ode::Ivp;
 
 mod common;
 
-struct Energies<'a>(&'a mut Criterion, usize);
-
-impl Job for Energies<'_> {
-    fn run<R: Rebound, T: Tangential, W: Spin>(self, mut simulation: Simulation<R, T, W>) {
-        let mut group = self.0.benchmark_group("energy");
-        group.sample_size(10).throughput(Throughput::Elements(self.1 as u64));
-        let id = |what: &str| BenchmarkId::new(what, self.1);
+fn energies(c: &mut Criterion) {
+    for n in [2_000, 20_000, 200_000] {
+        let mut simulation = common::simulation(&common::scene("friction+rotation"), &common::bed(n));
+        let mut group = c.benchmark_group("energy");
+        group.sample_size(10).throughput(Throughput::Elements(n as u64));
+        let id = |what: &str| BenchmarkId::new(what, n);
         let y = simulation.state().to_vec();
         let mut slopes = y.clone();
         let dynamics = simulation.dynamics_mut();
@@ -26,12 +21,6 @@ impl Job for Energies<'_> {
         group.bench_function(id("rhs"), |b| b.iter(|| dynamics.rhs(0.0, &y, &mut slopes)));
         dynamics.audit();
         group.bench_function(id("rhs, audited"), |b| b.iter(|| dynamics.rhs(0.0, &y, &mut slopes)));
-    }
-}
-
-fn energies(c: &mut Criterion) {
-    for n in [2_000, 20_000, 200_000] {
-        common::simulate(&common::scene("friction+rotation"), &common::bed(n), Energies(c, n));
     }
 }
 

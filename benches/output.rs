@@ -5,8 +5,7 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use demhybrid::domain::Solo;
 use demhybrid::domain::rows::ById;
 use demhybrid::files::output::{Measures, Output, Quantity, Rows, RunInfo, Seconds};
-use demhybrid::math::vector::Vec3;
-use demhybrid::model::particle::{Motion, Spin, Spinning};
+use demhybrid::model::columns::{position, spin, velocity};
 use demhybrid::ode::{Limit, MethodName, NormName};
 use std::fs::File;
 use std::io::Write;
@@ -15,7 +14,7 @@ use std::path::Path;
 /// Particles.
 const COUNT: u64 = 1_000_000;
 /// Numbers of a particle in a frame.
-const NUMBERS: u64 = 9;
+const NUMBERS: usize = 9;
 
 fn info() -> RunInfo {
     RunInfo {
@@ -59,9 +58,9 @@ fn measures() -> Measures {
 }
 
 /// State of particle `id`.
-fn body(id: u64) -> Motion<Spinning> {
-    let x = Vec3::new(id as f64, 0.5 * id as f64, -0.25 * id as f64);
-    Motion { x, v: 2.0 * x, omega: Spinning(3.0 * x) }
+fn body(id: u64) -> [f64; NUMBERS] {
+    let x = [1.0, 0.5, -0.25].map(|component| component * id as f64);
+    std::array::from_fn(|k| [1.0, 2.0, 3.0][k / 3] * x[k % 3])
 }
 
 fn output(c: &mut Criterion) {
@@ -69,14 +68,14 @@ fn output(c: &mut Criterion) {
     let (ours, plain) = (folder.join("frame.vtkhdf"), folder.join("plain"));
     // Particles lie in memory by their cells: runs of ids here and there.
     let ids: Vec<u64> = (0..COUNT).map(|k| k / 100 * 7919 % (COUNT / 100) * 100 + k % 100).collect();
-    let y: Vec<_> = ids.iter().map(|&id| body(id)).collect();
+    let y: Vec<f64> = ids.iter().flat_map(|&id| body(id)).collect();
     let append = |mut output: Output<'static>| {
-        let bodies = ById::new(&Solo, COUNT, &ids, &y);
+        let bodies = ById::new(&Solo, COUNT, &ids, &y, NUMBERS);
         let column = |quantity| {
-            let vector = |body: &Motion<Spinning>| match quantity {
-                Quantity::Position => body.x.into(),
-                Quantity::Velocity => body.v.into(),
-                Quantity::AngularVelocity => body.omega.vector().into(),
+            let vector = |row: &[f64]| match quantity {
+                Quantity::Position => position(row).into(),
+                Quantity::Velocity => velocity(row).into(),
+                Quantity::AngularVelocity => spin(row).into(),
             };
             bodies.map(vector)
         };
@@ -91,7 +90,7 @@ fn output(c: &mut Criterion) {
         File::open(&ours).and_then(|file| file.sync_all()).expect("it can be synchronised");
         output.expect("it can be created")
     };
-    let bytes: Vec<u8> = (0..COUNT * NUMBERS).flat_map(|k| (k as f64).to_ne_bytes()).collect();
+    let bytes: Vec<u8> = (0..COUNT * NUMBERS as u64).flat_map(|k| (k as f64).to_ne_bytes()).collect();
     let write = |mut file: File| {
         file.write_all(&bytes).and_then(|()| file.sync_all()).expect("it can be written");
         file

@@ -6,65 +6,55 @@ mod beds;
 #[path = "program/mpirun.rs"]
 mod mpirun;
 
-use beds::{Job, bed, scene, simulate_on};
+use beds::{bed, norm, scene, simulation_on};
 use demhybrid::domain::{Comm, Solo, world};
-use demhybrid::engine::dynamics::Dynamics;
 use demhybrid::engine::simulation::Simulation;
-use demhybrid::model::contact::{Rebound, Tangential};
-use demhybrid::model::particle::Spin;
 use demhybrid::ode::{
-    Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, Norm, RungeKutta, StepStart, TrialStep, Verlet, Weights,
+    Chebyshev, DORMAND_PRINCE, Ivp, MERSON, Method, RungeKutta, StepStart, TrialStep, Verlet,
 };
 use demhybrid::scene::Scene;
 use demhybrid::scene::walls::walls;
 use std::process::Command;
 
-/// Takes steps of different sizes by every method, and counts.
-struct Steps {
-    /// Whether right-hand sides also tell what they dissipate, as `output.energy` asks for.
-    audited: bool,
-    ranks: usize,
-}
-
-impl Job for Steps {
-    fn run<R: Rebound, T: Tangential, W: Spin>(self, mut simulation: Simulation<R, T, W>) {
-        let y = simulation.state().to_vec();
-        let dynamics = simulation.dynamics_mut();
-        if self.audited {
-            dynamics.audit();
-        }
-        let mut methods: Vec<Box<dyn Method<Dynamics<R, T, W>> + '_>> = vec![
-            Box::new(RungeKutta::new(&MERSON)),
-            Box::new(RungeKutta::new(&DORMAND_PRINCE)),
-            Box::<Chebyshev>::default(),
-            Box::new(Verlet),
-        ];
-        let mut trial = TrialStep::default();
-        for method in &mut methods {
-            let mut step_start = StepStart::new(0.0, y.clone());
-            let mut steps = |sizes: &[f64]| {
-                for &h in sizes {
-                    method.stable_step(dynamics, &mut step_start, &mut trial);
-                    let norm = Norm { weights: Weights::MIXED, rate: false };
-                    method.attempt(dynamics, &mut step_start, h, &norm, &mut trial);
-                    std::mem::swap(&mut step_start.y, &mut trial.next);
-                    step_start.slope_known = false;
-                    step_start.t += h;
-                }
-            };
-            steps(&[1e-4, 1e-4]);
-            let info = allocation_counter::measure(|| steps(&[1e-5, 1e-4, 3e-4, 1e-5, 2e-4, 1e-4]));
-            assert_eq!(info.count_total, 0, "{} allocates in a step: {info:?}", method.name());
-        }
-        let mut energies = || (dynamics.kinetic_energy(&y), dynamics.potential_energy(&y));
-        let info = allocation_counter::measure(|| _ = std::hint::black_box(energies()));
-        assert_eq!(info.count_total, 0, "the energies of a frame allocate: {info:?}");
-        // The counter counts.
-        let info = allocation_counter::measure(|| drop(std::hint::black_box(vec![0u8; 100])));
-        assert_eq!(info.count_total, 1);
-        assert!((dynamics.ghosts() > 0) == (self.ranks > 1) && dynamics.small_length() > 0.0);
-        assert!((dynamics.dissipation() != [0.0; 2]) == self.audited, "lost: {:?} W", dynamics.dissipation());
+/// Takes steps of different sizes by every method, and counts. With `audited` right-hand sides also tell what
+/// they dissipate, as `output.energy` asks for.
+fn count_allocations(mut simulation: Simulation, audited: bool, ranks: usize) {
+    let y = simulation.state().to_vec();
+    let norm = norm(&simulation, false);
+    let dynamics = simulation.dynamics_mut();
+    if audited {
+        dynamics.audit();
     }
+    let mut methods: Vec<Box<dyn Method>> = vec![
+        Box::new(RungeKutta::new(&MERSON)),
+        Box::new(RungeKutta::new(&DORMAND_PRINCE)),
+        Box::<Chebyshev>::default(),
+        Box::new(Verlet),
+    ];
+    let mut trial = TrialStep::default();
+    for method in &mut methods {
+        let mut step_start = StepStart::new(0.0, y.clone());
+        let mut steps = |sizes: &[f64]| {
+            for &h in sizes {
+                method.stable_step(dynamics, &mut step_start, &mut trial);
+                method.attempt(dynamics, &mut step_start, h, &norm, &mut trial);
+                std::mem::swap(&mut step_start.y, &mut trial.next);
+                step_start.slope_known = false;
+                step_start.t += h;
+            }
+        };
+        steps(&[1e-4, 1e-4]);
+        let info = allocation_counter::measure(|| steps(&[1e-5, 1e-4, 3e-4, 1e-5, 2e-4, 1e-4]));
+        assert_eq!(info.count_total, 0, "{} allocates in a step: {info:?}", method.name());
+    }
+    let mut energies = || (dynamics.kinetic_energy(&y), dynamics.potential_energy(&y));
+    let info = allocation_counter::measure(|| _ = std::hint::black_box(energies()));
+    assert_eq!(info.count_total, 0, "the energies of a frame allocate: {info:?}");
+    // The counter counts.
+    let info = allocation_counter::measure(|| drop(std::hint::black_box(vec![0u8; 100])));
+    assert_eq!(info.count_total, 1);
+    assert!((dynamics.ghosts() > 0) == (ranks > 1) && dynamics.small_length() > 0.0);
+    assert!((dynamics.dissipation() != [0.0; 2]) == audited, "lost: {:?} W", dynamics.dissipation());
 }
 
 /// All variants, between walls, audited and not. Collective.
@@ -78,7 +68,7 @@ fn steps_of_all_variants(comm: &dyn Comm) {
         assert_eq!(walls(&walled.container).len(), 5);
         let scene = Scene { container: walled.container, ..scene(variant) };
         for audited in [false, true] {
-            simulate_on(comm, &scene, &bed(500), Steps { audited, ranks: comm.size() });
+            count_allocations(simulation_on(comm, &scene, &bed(500)), audited, comm.size());
         }
     }
 }

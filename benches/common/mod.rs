@@ -3,8 +3,9 @@
 #![allow(dead_code)] // every bench uses a part
 
 use demhybrid::domain::{Comm, Solo};
-use demhybrid::engine::simulation::{Simulation, Task, dispatch};
-use demhybrid::model::contact::{Rebound, Tangential};
+use demhybrid::engine::simulation::Simulation;
+use demhybrid::model::columns::Changes;
+use demhybrid::ode::Norm;
 use demhybrid::scene::initial_condition::InitialCondition;
 use demhybrid::scene::{Container, Scene};
 use rand::{RngExt, SeedableRng};
@@ -42,32 +43,18 @@ pub fn bed(n: usize) -> InitialCondition {
     start
 }
 
-/// Hands a simulation of `start` to `job`, with the scene's effects as types.
-pub fn simulate(scene: &Scene, start: &InitialCondition, job: impl Job) {
-    simulate_on(&Solo, scene, start, job);
+/// A simulation of `start`.
+pub fn simulation(scene: &Scene, start: &InitialCondition) -> Simulation<'static> {
+    simulation_on(&Solo, scene, start)
 }
 
-/// `simulate` on several ranks. Collective.
-pub fn simulate_on(comm: &dyn Comm, scene: &Scene, start: &InitialCondition, job: impl Job) {
-    struct Bench<'a, J>(&'a dyn Comm, &'a Scene, &'a InitialCondition, J);
-    impl<J: Job> Task for Bench<'_, J> {
-        type Output = ();
-        fn with<R: Rebound, T: Tangential, W: demhybrid::model::particle::Spin>(
-            self,
-            law: demhybrid::model::contact::Law<R, T>,
-        ) {
-            let simulation = Simulation::<R, T, W>::new(self.1, self.2, law, self.0);
-            self.3.run(simulation.unwrap_or_else(|why| panic!("{why}")));
-        }
-    }
-    dispatch(scene, Bench(comm, scene, start, job));
+/// `simulation` on several ranks. Collective.
+pub fn simulation_on<'c>(comm: &'c dyn Comm, scene: &Scene, start: &InitialCondition) -> Simulation<'c> {
+    Simulation::new(scene, start, comm).unwrap_or_else(|why| panic!("{why}"))
 }
 
-/// Work for any variant.
-pub trait Job {
-    /// Does it.
-    fn run<R: Rebound, T: Tangential, W: demhybrid::model::particle::Spin>(
-        self,
-        simulation: Simulation<R, T, W>,
-    );
+/// A norm in which all components have the weight 1.
+pub fn norm(simulation: &Simulation, rate: bool) -> Norm {
+    let width = simulation.dynamics().columns().width(Changes::EveryStage);
+    Norm { weights: vec![vec![1.0; width]], rate }
 }

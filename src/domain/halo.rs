@@ -191,9 +191,7 @@ mod tests {
                     (0..40).filter(|&id| owner(id) == comm.rank() && owner(id) != 3).collect();
                 let mut y: Vec<f64> = ids.iter().flat_map(|&id| body(id)).collect();
                 let extents: Vec<Extent> = (0..ranks)
-                    .map(|q| {
-                        Extent::of((0..40).filter(|&id| owner(id) == q && q != 3).map(|id| body(id)[2]))
-                    })
+                    .map(|q| Extent::of((0..40).filter(|&id| owner(id) == q && q != 3).map(|id| body(id)[2])))
                     .collect();
                 let mut halo = Halo::default();
                 let ghost_ids = halo.plan(comm, &ids, (&y, 5), (2, &extents), 0.25);

@@ -224,7 +224,8 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
         }
         let friction = self.tangential.friction::<A>(repulsion, &self.slip::<A>(opening, n, v_rel, spins));
         // -r n x F, eqs. (2.11) and (2.12).
-        let torque = if T::TURNS { cross::<A>(&friction, &scaled(self.parameters.r, n)) } else { Vec3::zeros() };
+        let torque =
+            if T::TURNS { cross::<A>(&friction, &scaled(self.parameters.r, n)) } else { Vec3::zeros() };
         Action { force: add_scaled::<A>(normal, n, &friction), torque }
     }
 

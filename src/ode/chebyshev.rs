@@ -260,14 +260,7 @@ impl Method for Chebyshev {
         self.radius.doubt();
     }
 
-    fn error_of(
-        &self,
-        part: Part,
-        h: f64,
-        norm: &Norm,
-        step_start: &StepStart,
-        trial: &TrialStep,
-    ) -> f64 {
+    fn error_of(&self, part: Part, h: f64, norm: &Norm, step_start: &StepStart, trial: &TrialStep) -> f64 {
         let ends = (&trial.next[part.range()], &trial.slope[part.range()]);
         Self::error(part, h, norm, step_start, ends)
     }

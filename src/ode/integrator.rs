@@ -2,8 +2,8 @@
 
 use crate::ode::method_switch::{MethodSwitch, Tally};
 use crate::ode::{
-    Chebyshev, DORMAND_PRINCE, Ivp, Layout, Limit, MERSON, Method, MethodName, Norm, Part, RungeKutta, SpectralRadius,
-    StepStart, Tableau, TrialOutcome, TrialStep, Verlet,
+    Chebyshev, DORMAND_PRINCE, Ivp, Layout, Limit, MERSON, Method, MethodName, Norm, Part, RungeKutta,
+    SpectralRadius, StepStart, Tableau, TrialOutcome, TrialStep, Verlet,
 };
 use serde::{Deserialize, Serialize};
 
@@ -62,12 +62,7 @@ impl Integrator {
     /// before every trial. Collective.
     ///
     /// Returns the number of right-hand sides evaluated. `trial` is used as work space: its result is lost.
-    pub fn prepare(
-        &mut self,
-        ivp: &mut dyn Ivp,
-        step_start: &mut StepStart,
-        trial: &mut TrialStep,
-    ) -> u64 {
+    pub fn prepare(&mut self, ivp: &mut dyn Ivp, step_start: &mut StepStart, trial: &mut TrialStep) -> u64 {
         if self.stable.is_some() {
             return 0;
         }

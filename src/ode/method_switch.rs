@@ -224,7 +224,11 @@ mod tests {
         }
         let first = switch.change().expect("it changes");
         assert!(first <= 1e-6, "the step does not jump: {first}");
-        assert!(switch.report(MethodName::Merson, MethodName::Chebyshev).contains("merson for 0 steps and chebyshev for 1024"));
+        assert!(
+            switch
+                .report(MethodName::Merson, MethodName::Chebyshev)
+                .contains("merson for 0 steps and chebyshev for 1024")
+        );
     }
 
     #[test]
@@ -244,7 +248,11 @@ mod tests {
             switch.step(1e-3, Limit::Error, 14, Some(1e5));
             assert_eq!(switch.change(), None);
         }
-        assert!(switch.report(MethodName::Chebyshev, MethodName::Merson).starts_with("auto: chebyshev for 10240 steps"));
+        assert!(
+            switch
+                .report(MethodName::Chebyshev, MethodName::Merson)
+                .starts_with("auto: chebyshev for 10240 steps")
+        );
     }
 
     #[test]

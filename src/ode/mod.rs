@@ -364,14 +364,7 @@ pub trait Method {
         layout: &Layout,
     ) -> Option<Vec<f64>>;
     /// Largest error of the rows `part` in the last trial, of step size `h` (s).
-    fn error_of(
-        &self,
-        part: Part,
-        h: f64,
-        norm: &Norm,
-        step_start: &StepStart,
-        trial: &TrialStep,
-    ) -> f64;
+    fn error_of(&self, part: Part, h: f64, norm: &Norm, step_start: &StepStart, trial: &TrialStep) -> f64;
     /// Number of vectors in [`TrialStep::stages`] that the method uses.
     fn stages(&self) -> usize;
     /// What the method carries over from one step to the next, if anything.
@@ -388,7 +381,6 @@ pub(crate) fn hermite(share: f64, h: f64, start: [&[f64]; 2], end: [&[f64]; 2]) 
     let rest = 1.0 - share;
     let [y0, y1] = [rest * rest * (1.0 + 2.0 * share), share * share * (1.0 + 2.0 * rest)];
     let [f0, f1] = [h * share * rest * rest, -h * share * share * rest];
-    let number =
-        |k: usize| 0.0 + start[0][k] * y0 + end[0][k] * y1 + start[1][k] * f0 + end[1][k] * f1;
+    let number = |k: usize| 0.0 + start[0][k] * y0 + end[0][k] * y1 + start[1][k] * f0 + end[1][k] * f1;
     (0..start[0].len()).map(number).collect()
 }

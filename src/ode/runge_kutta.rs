@@ -162,8 +162,7 @@ impl Method for RungeKutta {
             let weights = Weights::new(table.a[s], h);
             let make = |_: usize, stage: Stage| {
                 let Stage { part, vectors: [next, ..], state, slope: old } = stage;
-                let slopes =
-                    slopes.map(|slope| if slope.is_empty() { &*old } else { &slope[part.range()] });
+                let slopes = slopes.map(|slope| if slope.is_empty() { &*old } else { &slope[part.range()] });
                 weights.add_to(&y[part.range()], &slopes, state);
                 if is_result {
                     next.copy_from_slice(state);
@@ -216,14 +215,7 @@ impl Method for RungeKutta {
         Some(state)
     }
 
-    fn error_of(
-        &self,
-        part: Part,
-        h: f64,
-        norm: &Norm,
-        step_start: &StepStart,
-        trial: &TrialStep,
-    ) -> f64 {
+    fn error_of(&self, part: Part, h: f64, norm: &Norm, step_start: &StepStart, trial: &TrialStep) -> f64 {
         self.error(part, h, norm, &self.slopes(&step_start.slope, &trial.slope, &trial.stages))
     }
 

@@ -52,12 +52,7 @@ impl SpectralRadius {
     /// Collective.
     ///
     /// Returns the number of right-hand sides evaluated. `trial` is used as work space: its result is lost.
-    pub fn update(
-        &mut self,
-        ivp: &mut dyn Ivp,
-        step_start: &mut StepStart,
-        trial: &mut TrialStep,
-    ) -> u64 {
+    pub fn update(&mut self, ivp: &mut dyn Ivp, step_start: &mut StepStart, trial: &mut TrialStep) -> u64 {
         if !self.doubted && self.served < SHARED {
             self.served += 1;
             return 0;
@@ -94,12 +89,7 @@ impl SpectralRadius {
     /// Collective.
     ///
     /// Returns the length of the image.
-    fn apply(
-        ivp: &mut dyn Ivp,
-        step_start: &mut StepStart,
-        trial: &mut TrialStep,
-        length: f64,
-    ) -> f64 {
+    fn apply(ivp: &mut dyn Ivp, step_start: &mut StepStart, trial: &mut TrialStep, length: f64) -> f64 {
         let (small, direction, y) = (ivp.small_length(), &mut step_start.direction, &step_start.y);
         let along = &*direction;
         let scale = small / length;
@@ -129,10 +119,7 @@ impl SpectralRadius {
             direction.clear();
             share = 1.0;
         }
-        debug_assert!(
-            direction.is_empty() || direction.len() == n,
-            "a direction moves with its rows"
-        );
+        debug_assert!(direction.is_empty() || direction.len() == n, "a direction moves with its rows");
         fit(direction, n);
         ivp.add_direction(self.round, share, direction);
     }

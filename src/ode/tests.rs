@@ -247,11 +247,11 @@ fn the_inside_of_a_step_joins_its_ends_smoothly() {
         let mut trial = TrialStep::default();
         method.stable_step(&mut ivp, &mut step_start, &mut trial);
         method.attempt(&mut ivp, &mut step_start, 0.05, &norm, &mut trial);
-        let inside =
-            |share| {
-                let inside = method.inside(share, 0.05, &step_start, &trial, ivp.layout());
-                point(&inside.expect("it has a dense output"))
-            };
+        let layout = ivp.layout().clone();
+        let inside = |share| {
+            let inside = method.inside(share, 0.05, &step_start, &trial, &layout);
+            point(&inside.expect("it has a dense output"))
+        };
         assert!(
             distance(inside(0.0), point(&step_start.y)) < 1e-15
                 && distance(inside(1.0), point(&trial.next)) < 1e-15

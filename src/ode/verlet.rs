@@ -85,14 +85,7 @@ impl Method for Verlet {
         Some(state)
     }
 
-    fn error_of(
-        &self,
-        part: Part,
-        _h: f64,
-        _norm: &Norm,
-        _step_start: &StepStart,
-        trial: &TrialStep,
-    ) -> f64 {
+    fn error_of(&self, part: Part, _h: f64, _norm: &Norm, _step_start: &StepStart, trial: &TrialStep) -> f64 {
         largest_magnitude(&trial.next[part.range()])
     }
 

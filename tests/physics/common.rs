@@ -5,13 +5,16 @@
 
 use demhybrid::domain::Solo;
 use demhybrid::engine::forces::BodyParameters;
-use demhybrid::engine::simulation::{Counts, Frame, Outcome, Simulation, Task, dispatch};
+use demhybrid::engine::kernel::{Kernel, compiled};
+use demhybrid::engine::simulation::{Counts, Frame, Outcome, Physics, Simulation, parameters};
 use demhybrid::error::Error;
+use demhybrid::math::instructions::InstructionSet;
 use demhybrid::math::vector::Vec3;
-use demhybrid::model::contact::{Law, Rebound, Tangential};
-use demhybrid::model::particle::Spin;
-use demhybrid::scene::Scene;
+use demhybrid::model::columns::{position, spin, velocity};
+use demhybrid::model::contact::{Rebound, Tangential};
+use demhybrid::ode::MethodName;
 use demhybrid::scene::initial_condition::{self, InitialCondition};
+use demhybrid::scene::{Scene, effects};
 use std::path::{Path, PathBuf};
 
 /// The material of Tab. 4.2 without friction. The tolerance is tight: 1e-9 (m/s, m/s^2) of error rate makes
@@ -152,12 +155,12 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    fn of<W: Spin>(frame: &Frame<W>) -> Self {
+    fn of(frame: &Frame) -> Self {
         Snapshot {
             time: frame.time,
-            x: frame.rows.map(|body| body.x),
-            v: frame.rows.map(|body| body.v),
-            omega: frame.rows.map(|body| body.omega.vector()),
+            x: frame.rows.map(position),
+            v: frame.rows.map(velocity),
+            omega: frame.rows.map(spin),
             kinetic_energy: frame.kinetic_energy,
             potential_energy: frame.potential_energy,
             dissipated: frame.dissipated,
@@ -201,43 +204,57 @@ impl Run {
 
 /// Runs `scene` with the kernel of its effects.
 pub fn run(scene: &Scene, start: &InitialCondition) -> Result<Run, Error> {
-    struct Plain<'a>(&'a Scene, &'a InitialCondition);
-    impl Task for Plain<'_> {
-        type Output = Result<Run, Error>;
-        fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Self::Output {
-            run_law::<R, T, W>(self.0, self.1, law)
-        }
-    }
-    dispatch(scene, Plain(scene, start))
+    collect(Simulation::new(scene, start, &Solo)?)
 }
 
-/// Runs `scene` with the kernel of `law`, whatever its effects.
-pub fn run_law<R: Rebound, T: Tangential, W: Spin>(
+/// Runs `scene` with a kernel of these effects, whatever its own are. Spheres rotate if `tangential` turns
+/// them.
+pub fn run_law<R: Rebound, T: Tangential>(
     scene: &Scene,
     start: &InitialCondition,
-    law: Law<R, T>,
+    rebound: R,
+    tangential: T,
 ) -> Result<Run, Error> {
-    collect(Simulation::<R, T, W>::new(scene, start, law, &Solo)?)
+    run_physics(scene, start, rebound, tangential, parameters(scene))
 }
 
 /// `run_law` with spheres that no torque can turn: 1/I = 0.
-pub fn run_unturnable<R: Rebound, T: Tangential, W: Spin>(
+pub fn run_unturnable<R: Rebound, T: Tangential>(
     scene: &Scene,
     start: &InitialCondition,
-    law: Law<R, T>,
+    rebound: R,
+    tangential: T,
 ) -> Result<Run, Error> {
-    let parameters = BodyParameters {
-        mass: scene.particles.mass,
-        inverse_inertia: 0.0,
-        gravity: scene.gravity.into(),
-        walls: demhybrid::scene::walls::walls(&scene.container),
-    };
-    collect(Simulation::<R, T, W>::with_parameters(scene, start, law, parameters, &Solo)?)
+    let parameters = BodyParameters { inverse_inertia: 0.0, ..parameters(scene) };
+    run_physics(scene, start, rebound, tangential, parameters)
 }
 
-fn collect<R: Rebound, T: Tangential, W: Spin>(simulation: Simulation<R, T, W>) -> Result<Run, Error> {
+fn run_physics<R: Rebound, T: Tangential>(
+    scene: &Scene,
+    start: &InitialCondition,
+    rebound: R,
+    tangential: T,
+    parameters: BodyParameters,
+) -> Result<Run, Error> {
+    let law = effects::law(scene);
+    let kernel = |set: InstructionSet| -> Box<dyn Kernel> {
+        if T::TURNS {
+            compiled::<R, T, 9>(law, rebound, tangential, set)
+        } else {
+            compiled::<R, T, 6>(law, rebound, tangential, set)
+        }
+    };
+    // The scene decides what columns the state has. With its method fixed, its friction decides nothing else.
+    assert_ne!(scene.solver.method, MethodName::Auto);
+    let mut scene = scene.clone();
+    let friction = scene.friction.as_mut().expect("the scene has friction");
+    (friction.coefficient, friction.rotation) = (1.0, T::TURNS);
+    collect(Simulation::with_physics(&scene, start, Physics { kernel: &kernel, parameters }, &Solo)?)
+}
+
+fn collect(simulation: Simulation) -> Result<Run, Error> {
     let mut frames = Vec::new();
-    let outcome = simulation.run(&mut |frame: &Frame<W>| {
+    let outcome = simulation.run(&mut |frame: &Frame| {
         frames.push(Snapshot::of(frame));
         Ok(())
     })?;

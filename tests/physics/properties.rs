@@ -5,10 +5,9 @@
 //! Formulas are those of the paper, written down once more.
 
 use demhybrid::domain::Solo;
-use demhybrid::engine::simulation::{Simulation, Task, dispatch};
+use demhybrid::engine::simulation::Simulation;
 use demhybrid::math::vector::Vec3;
-use demhybrid::model::contact::{Law, Rebound, Tangential};
-use demhybrid::model::particle::Spin;
+use demhybrid::model::columns::{position, spin, velocity};
 use demhybrid::ode::Ivp;
 use demhybrid::scene::initial_condition::InitialCondition;
 use demhybrid::scene::{Container, Friction, Scene, WallPlane};
@@ -65,25 +64,23 @@ impl Cloud {
 
     /// The right-hand side, by id.
     fn slopes(&self) -> Vec<Slope> {
-        struct Evaluate<'a>(&'a Scene, &'a InitialCondition);
-        impl Task for Evaluate<'_> {
-            type Output = Vec<Slope>;
-            fn with<Q: Rebound, T: Tangential, W: Spin>(self, law: Law<Q, T>) -> Vec<Slope> {
-                let mut simulation = Simulation::<Q, T, W>::new(self.0, self.1, law, &Solo).unwrap();
-                let y = simulation.state().to_vec();
-                let (ids, mut dydt) = (simulation.dynamics().ids().to_vec(), y.clone());
-                simulation.dynamics_mut().rhs(0.0, &y, &mut dydt);
-                let mut slopes = vec![[Vec3::zeros(); 3]; y.len()];
-                for (id, slope) in ids.into_iter().zip(dydt) {
-                    slopes[id as usize] = [slope.x, slope.v, slope.omega.vector()];
-                }
-                slopes
-            }
-        }
         let list = |vectors: &[Vec3]| vectors.iter().map(|&vector| vector.into()).collect();
-        let start = InitialCondition { x: list(&self.x), v: list(&self.v), omega: list(&self.omega), ..InitialCondition::default() };
-        let scene = self.scene();
-        dispatch(&scene, Evaluate(&scene, &start))
+        let start = InitialCondition {
+            x: list(&self.x),
+            v: list(&self.v),
+            omega: list(&self.omega),
+            ..InitialCondition::default()
+        };
+        let mut simulation = Simulation::new(&self.scene(), &start, &Solo).unwrap();
+        let y = simulation.state().to_vec();
+        let (ids, mut dydt) = (simulation.dynamics().ids().to_vec(), y.clone());
+        simulation.dynamics_mut().rhs(0.0, &y, &mut dydt);
+        let mut slopes = vec![[Vec3::zeros(); 3]; ids.len()];
+        let width = y.len() / ids.len();
+        for (id, row) in ids.into_iter().zip(dydt.chunks_exact(width)) {
+            slopes[id as usize] = [position(row), velocity(row), spin(row)];
+        }
+        slopes
     }
 
     fn inertia(&self) -> f64 {

@@ -5,9 +5,9 @@
 use crate::common::{Case, Run, run_law, run_unturnable};
 use demhybrid::error::Error;
 use demhybrid::math::vector::Vec3;
-use demhybrid::model::contact::{Elastic, Frictionless};
-use demhybrid::model::particle::{Locked, Spinning};
-use demhybrid::scene::effects::{coulomb, dissipative, elastic, frictionless, law};
+use demhybrid::model::contact::{Coulomb, Dissipative, Elastic, Frictionless, Turning};
+use demhybrid::scene::Scene;
+use demhybrid::scene::effects::law;
 use nalgebra::Rotation3;
 
 const R: f64 = 0.1;
@@ -15,6 +15,18 @@ const R: f64 = 0.1;
 /// 27 spheres fall into a small box until most touch.
 fn many() -> Case {
     Case::config("quick.toml").set("t_end", 0.4)
+}
+
+/// The rebound function of the scene, also where nothing is lost.
+fn dissipative(scene: &Scene) -> Dissipative {
+    let law = law(scene);
+    Dissipative::new(law.e, law.psi)
+}
+
+/// The friction of the scene, also where its coefficient is 0.
+fn coulomb(scene: &Scene) -> Coulomb {
+    let law = law(scene);
+    Coulomb::new(law.phi, law.v_min)
 }
 
 /// Same states, to the bit, in all frames, and same work.
@@ -27,22 +39,21 @@ fn assert_same(a: &Run, b: &Run) {
 #[test]
 fn friction_with_a_zero_coefficient_is_no_friction() {
     let (scene, start) = many().set("friction.coefficient", 0.0).build();
-    let smooth = law(&scene, dissipative(&scene), frictionless(&scene));
-    let rubbing = law(&scene, dissipative(&scene), coulomb(&scene));
-    let run = run_law::<_, _, Locked>(&scene, &start, smooth).unwrap();
-    assert_same(&run, &run_law::<_, _, Locked>(&scene, &start, rubbing).unwrap());
+    let (rebound, friction) = (dissipative(&scene), coulomb(&scene));
+    let run = run_law(&scene, &start, rebound, Frictionless).unwrap();
+    assert_same(&run, &run_law(&scene, &start, rebound, friction).unwrap());
     // With rotation on, too: without friction there is no torque.
-    assert_same(&run, &run_law::<_, _, Spinning>(&scene, &start, rubbing).unwrap());
+    assert_same(&run, &run_law(&scene, &start, rebound, Turning(friction)).unwrap());
 }
 
 #[test]
 fn spheres_that_no_torque_can_turn_are_locked() {
     let (scene, start) = many().build();
-    let law = law(&scene, dissipative(&scene), coulomb(&scene));
-    let locked = run_law::<_, _, Locked>(&scene, &start, law).unwrap();
-    assert_same(&locked, &run_unturnable::<_, _, Spinning>(&scene, &start, law).unwrap());
+    let (rebound, friction) = (dissipative(&scene), coulomb(&scene));
+    let locked = run_law(&scene, &start, rebound, friction).unwrap();
+    assert_same(&locked, &run_unturnable(&scene, &start, rebound, Turning(friction)).unwrap());
     // With their own inertia they do turn.
-    let turning = run_law::<_, _, Spinning>(&scene, &start, law).unwrap();
+    let turning = run_law(&scene, &start, rebound, Turning(friction)).unwrap();
     assert!(turning.end().omega.iter().any(|omega| omega.norm() > 1.0));
 }
 
@@ -80,23 +91,21 @@ fn the_stabilised_method_leaves_out_weak_contacts_and_the_others_nothing() {
 #[test]
 fn full_restitution_is_no_loss() {
     let (scene, start) = many().set("contact.restitution", 1.0).build();
-    let general = law(&scene, dissipative(&scene), coulomb(&scene));
-    let lossless = law(&scene, elastic(&scene), coulomb(&scene));
-    let run = run_law::<_, _, Spinning>(&scene, &start, general).unwrap();
-    assert_same(&run, &run_law::<_, _, Spinning>(&scene, &start, lossless).unwrap());
+    let friction = Turning(coulomb(&scene));
+    let run = run_law(&scene, &start, dissipative(&scene), friction).unwrap();
+    assert_same(&run, &run_law(&scene, &start, Elastic, friction).unwrap());
 }
 
 #[test]
 fn a_scene_runs_with_the_kernel_of_its_effects() {
     // Against the kernel written out by hand, for a variant each.
     let (scene, start) = many().build();
-    let full = law(&scene, dissipative(&scene), coulomb(&scene));
-    assert_same(&many().run(), &run_law::<_, _, Spinning>(&scene, &start, full).unwrap());
-    let friction = many().set("friction.rotation", false);
-    assert_same(&friction.run(), &run_law::<_, _, Locked>(&scene, &start, full).unwrap());
+    let (rebound, friction) = (dissipative(&scene), coulomb(&scene));
+    assert_same(&many().run(), &run_law(&scene, &start, rebound, Turning(friction)).unwrap());
+    let locked = many().set("friction.rotation", false);
+    assert_same(&locked.run(), &run_law(&scene, &start, rebound, friction).unwrap());
     let basic = many().set("friction.coefficient", 0.0).set("contact.restitution", 1.0);
-    let smooth = law::<Elastic, Frictionless>(&scene, Elastic, Frictionless);
-    assert_same(&basic.run(), &run_law::<_, _, Locked>(&scene, &start, smooth).unwrap());
+    assert_same(&basic.run(), &run_law(&scene, &start, Elastic, Frictionless).unwrap());
 }
 
 #[test]

@@ -125,7 +125,8 @@ fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), E
     }
     let target = target?;
     let beginning = Beginning::Start;
-    Execution { ground, name: path, file: &file, path: &target, scene: &scene, start: &start, beginning }.run()
+    Execution { ground, name: path, file: &file, path: &target, scene: &scene, start: &start, beginning }
+        .run()
 }
 
 /// Reads the scene `path` and its particles, and puts in the output file of the command line. Collective.

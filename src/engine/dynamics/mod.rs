@@ -379,12 +379,7 @@ impl<'c> Dynamics<'c> {
     }
 
     /// `y` and `companions` are rows of the state; the positions in `y` decide.
-    fn relocate(
-        &mut self,
-        t: f64,
-        y: &mut Vec<f64>,
-        companions: &mut [&mut Vec<f64>],
-    ) -> Result<(), Error> {
+    fn relocate(&mut self, t: f64, y: &mut Vec<f64>, companions: &mut [&mut Vec<f64>]) -> Result<(), Error> {
         let clock = Instant::now();
         let (cutoff, width) = (self.cutoff(), self.layout.0[0].width);
         let loads = if self.domain.comm.size() > 1 { self.forces.loads() } else { Vec::new() };
@@ -454,7 +449,8 @@ impl<'c> Dynamics<'c> {
         }
         // Audits and the search for faults read all bodies after this stage: none may be at the next stage
         // then.
-        self.is_open = stage + 1 < stages && !self.audit.is_on && matches!(self.fault_search, FaultSearch::Off);
+        self.is_open =
+            stage + 1 < stages && !self.audit.is_on && matches!(self.fault_search, FaultSearch::Off);
         let (pairs, moved) = forces.finish_stage(maker, self.is_open, again(&mut vectors, width), dydt);
         self.tally.own_pairs += pairs;
         let before = self.motion.moved;

@@ -4,9 +4,8 @@ use super::*;
 use crate::domain::comm::team::team;
 use crate::domain::rows;
 use crate::domain::slabs::imbalance;
-use crate::math::elementary::Separate;
-use crate::model::contact::{Coulomb, Dissipative, Elastic, Frictionless};
-use crate::model::particle::{Locked, Spinning};
+use crate::engine::kernel;
+use crate::model::effects::{Effects, Variant};
 use crate::model::wall::Wall;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -14,7 +13,12 @@ use proptest::test_runner::RngSeed;
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
-type Body = Motion<Spinning>;
+/// Position, velocity, angular velocity.
+type Body = [f64; 9];
+
+fn body(x: Vec3, v: Vec3, omega: Vec3) -> Body {
+    std::array::from_fn(|k| [x, v, omega][k / 3][k % 3])
+}
 
 /// Bits of the slopes by id, at the start and after a move, and the number of pairs evaluated.
 type Answer = (BTreeMap<u64, Vec<u64>>, u64);
@@ -27,15 +31,23 @@ fn parameters() -> BodyParameters {
     BodyParameters { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
 }
 
-fn law() -> Law<Dissipative, Coulomb> {
-    Law {
-        r: 0.1,
-        f_0: 10.0,
-        kappa: 150.0,
-        l_max: 0.1,
-        rebound: Dissipative::new(0.4, 10.0),
-        tangential: Coulomb::new(0.2, 0.01),
-    }
+const LAW: LawParameters =
+    LawParameters { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01 };
+
+const ALL_EFFECTS: Effects = Effects { variant: Variant::FrictionRotation, dissipative: true };
+
+/// The equations of motion of the particles `ids` with the states `y`.
+fn dynamics<'c>(
+    comm: &'c dyn Comm,
+    effects: Effects,
+    parameters: BodyParameters,
+    ids: Vec<u64>,
+    y: &mut Vec<f64>,
+) -> Dynamics<'c> {
+    let kernel = |set| kernel::kernel(effects, LAW, set);
+    let columns = Columns::new(effects.variant == Variant::FrictionRotation);
+    let particles = Particles { ids, columns, constants: Vec::new(), y };
+    Dynamics::new(comm, &kernel, parameters, 1.0, particles, &mut []).unwrap()
 }
 
 /// Slopes from `bounds.len() + 1` ranks, whose slabs have the inner bounds `bounds`.
@@ -44,26 +56,25 @@ fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
     let found = Mutex::new((BTreeMap::<u64, Vec<u64>>::new(), 0));
     team(ranks, |comm| {
         let own = rows::block(bodies.len() as u64, comm.rank(), ranks);
-        let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
-        let mut dynamics =
-            Dynamics::new(comm, law(), parameters(), 1.0, own.collect(), &mut y, &mut []).unwrap();
-        dynamics.slabs = Slabs::with_inner_bounds(bounds);
+        let mut y: Vec<f64> = own.clone().flat_map(|id| bodies[id as usize]).collect();
+        let mut dynamics = dynamics(comm, ALL_EFFECTS, parameters(), own.collect(), &mut y);
+        dynamics.domain.slabs = Slabs::with_inner_bounds(bounds);
         dynamics.relocate(0.0, &mut y, &mut []).unwrap();
         let (low, high) = dynamics.slabs().of(comm.rank());
-        assert!(y.iter().all(|body| low <= body.x.z && body.x.z < high), "every rank has its slab");
+        assert!(y.chunks_exact(9).all(|body| low <= body[2] && body[2] < high), "every rank has its slab");
         dynamics.begin();
         // The second time all have moved, by less than the skin, and near pairs are picked again.
         for _ in 0..2 {
             let mut slope = y.clone();
             dynamics.rhs(0.0, &y, &mut slope);
             let mut found = found.lock().unwrap();
-            for (id, slope) in dynamics.ids().iter().zip(&slope) {
-                let mut numbers = [0.0; 9];
-                slope.pack(&mut numbers);
-                found.0.entry(*id).or_default().extend(numbers.map(f64::to_bits));
+            for (id, slope) in dynamics.ids().iter().zip(slope.as_chunks::<9>().0) {
+                found.0.entry(*id).or_default().extend(slope.map(f64::to_bits));
             }
-            for (id, body) in dynamics.ids().iter().zip(&mut y) {
-                body.x += Vec3::from_fn(|axis, _| 0.02 * ((7 * id + 3 * axis as u64) % 5) as f64 - 0.04);
+            for (id, body) in dynamics.ids().iter().zip(y.as_chunks_mut::<9>().0) {
+                for (axis, x) in (0..).zip(&mut body[POSITION]) {
+                    *x += 0.02 * ((7 * id + 3 * axis) % 5) as f64 - 0.04;
+                }
             }
         }
         found.lock().unwrap().1 += dynamics.own_pairs();
@@ -75,14 +86,14 @@ fn slopes(bodies: &[Body], bounds: &[f64]) -> Answer {
 fn cloud() -> impl Strategy<Value = Vec<Body>> {
     let vector = |size: f64| vec(-size..size, 3).prop_map(|v| Vec3::new(v[0], v[1], v[2]));
     let sizes = vec(prop_oneof![Just(0.0), Just(0.3), Just(1.2), Just(1e6)], 3);
-    let body = (vector(0.5), vector(1.0), vector(20.0));
-    (sizes, vec(body, 1..80)).prop_map(|(sizes, bodies)| {
-        let body = |(k, (x, v, omega)): (usize, (Vec3, Vec3, Vec3))| {
+    let vectors = (vector(0.5), vector(1.0), vector(20.0));
+    (sizes, vec(vectors, 1..80)).prop_map(|(sizes, bodies)| {
+        let shifted = |(k, (x, v, omega)): (usize, (Vec3, Vec3, Vec3))| {
             // No two centres coincide.
             let shift = Vec3::repeat(1e-3 * k as f64);
-            Motion { x: Vec3::from_fn(|axis, _| sizes[axis] * x[axis]) + shift, v, omega: Spinning(omega) }
+            body(Vec3::from_fn(|axis, _| sizes[axis] * x[axis]) + shift, v, omega)
         };
-        bodies.into_iter().enumerate().map(body).collect()
+        bodies.into_iter().enumerate().map(shifted).collect()
     })
 }
 
@@ -116,7 +127,7 @@ proptest! {
             .iter()
             .map(|bound| match bound {
                 Bound::At(z) => *z,
-                Bound::Of(index) => index.get(&bodies).x.z,
+                Bound::Of(index) => index.get(&bodies)[2],
             })
             .collect();
         inner.sort_by(f64::total_cmp);
@@ -151,18 +162,18 @@ fn place(k: usize, d: f64) -> Vec3 {
 fn slabs_share_out_near_pairs_and_not_particles() {
     // 500 spheres that touch, and 500 distant ones above them.
     let x: Vec<Vec3> = (0..1000).map(|k| place(k, if k < 500 { 0.19 } else { 0.6 })).collect();
-    let law = Law { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, rebound: Elastic, tangential: Frictionless };
     // Near pairs are those within the cutoff plus a tenth of the radius. A particle without pairs counts 4.
     let at = |i: u64| x[i as usize];
     let work = |i: u64| 3 + x.iter().filter(|other| (at(i) - *other).norm() <= 0.31).count() as u64;
     for ranks in 2..=3 {
         team(ranks, |comm| {
             let ids: Vec<u64> = (0..1000).filter(|id| *id as usize % ranks == comm.rank()).collect();
-            let body = |&id: &u64| Motion { x: x[id as usize], v: Vec3::zeros(), omega: Locked };
-            let mut y = ids.iter().map(body).collect();
+            let body = |&id: &u64| [x[id as usize], Vec3::zeros()];
+            let mut y = ids.iter().flat_map(body).flat_map(|v| [v.x, v.y, v.z]).collect();
             let parameters =
                 BodyParameters { mass: 1.0, inverse_inertia: 0.0, gravity: Vec3::zeros(), walls: Vec::new() };
-            let mut dynamics = Dynamics::new(comm, law, parameters, 1.0, ids, &mut y, &mut []).unwrap();
+            let effects = Effects { variant: Variant::Basic, dissipative: false };
+            let mut dynamics = dynamics(comm, effects, parameters, ids, &mut y);
             // There were no lists yet when the first bounds were set.
             dynamics.rebuild(&mut StepStart::new(0.0, y)).unwrap();
             let expected: Vec<u64> = dynamics.ids().iter().map(|&id| work(id)).collect();
@@ -185,17 +196,13 @@ fn floor() -> BodyParameters {
 
 /// A bed of `n` spheres, 4 deep and 8 wide, that overlap a little, with velocities and spins.
 fn bed(n: usize) -> Vec<Body> {
-    let body = |k: usize| {
+    let sphere = |k: usize| {
         let [a, b, c] = [k % 4, k / 4 % 8, k / 32].map(|k| k as f64);
         let shake = |s: usize| 0.02 * ((k * s % 17) as f64 / 17.0 - 0.5);
         let x = Vec3::new(0.19 * c + shake(5), 0.19 * b + shake(7), 0.19 * a + shake(11));
-        Motion {
-            x,
-            v: Vec3::from_fn(|axis, _| 20.0 * shake(axis + 2)),
-            omega: Spinning(Vec3::repeat(shake(13))),
-        }
+        body(x, Vec3::from_fn(|axis, _| 20.0 * shake(axis + 2)), Vec3::repeat(shake(13)))
     };
-    (0..n).map(body).collect()
+    (0..n).map(sphere).collect()
 }
 
 /// The slopes of this rank with their ids, and its number of pairs, after a move by `way(id)` (m) along y.
@@ -203,31 +210,30 @@ fn bed(n: usize) -> Vec<Body> {
 /// The lists are those from before the move.
 fn after_a_move(comm: &dyn Comm, bodies: &[Body], way: &dyn Fn(u64) -> f64) -> (Vec<(u64, Body)>, u64) {
     let own = rows::block(bodies.len() as u64, comm.rank(), comm.size());
-    let mut y: Vec<Body> = own.clone().map(|id| bodies[id as usize]).collect();
-    let mut dynamics = Dynamics::new(comm, law(), floor(), 1.0, own.collect(), &mut y, &mut []).unwrap();
+    let mut y: Vec<f64> = own.clone().flat_map(|id| bodies[id as usize]).collect();
+    let mut dynamics = dynamics(comm, ALL_EFFECTS, floor(), own.collect(), &mut y);
     assert_eq!(dynamics.forces.lists.blocks.len(), rayon::current_num_threads());
     // The slabs are cut across the long axis of the bed.
-    assert!(comm.size() == 1 || dynamics.slabs.axis() == 0);
+    assert!(comm.size() == 1 || dynamics.slabs().axis() == 0);
     let start = y.clone();
-    for (body, &id) in y.iter_mut().zip(dynamics.ids()) {
-        body.x.y += way(id);
+    for (body, &id) in y.as_chunks_mut::<9>().0.iter_mut().zip(dynamics.ids()) {
+        body[1] += way(id);
     }
     // First as the second stage of a step, begun at the end of the first stage; then as a state of its own.
     dynamics.begin();
     let mut second = y.clone();
     for stage in [0, 1] {
         let stages = [&start, &y];
-        let make = |k: usize, first: usize, []: [&mut [Body]; 0], bodies: &mut [Body], _: &mut [Body]| {
-            bodies.copy_from_slice(&stages[k][first..first + bodies.len()]);
-        };
-        dynamics.rhs_of(0.0, &start, [stage, 2], [], &mut second, &make);
+        let make = |k: usize, stage: Stage| stage.state.copy_from_slice(&stages[k][stage.part.range()]);
+        dynamics.rhs_of(0.0, &start, [stage, 2], no_vectors(), &mut second, &make);
     }
     let pairs = dynamics.own_pairs();
     dynamics.begin();
     let mut slope = y.clone();
     dynamics.rhs(0.0, &y, &mut slope);
     assert_eq!(slope, second);
-    (dynamics.ids().iter().copied().zip(slope).collect(), dynamics.own_pairs() - pairs)
+    let slopes = slope.as_chunks().0.iter().copied();
+    (dynamics.ids().iter().copied().zip(slopes).collect(), dynamics.own_pairs() - pairs)
 }
 
 /// The same by id, from `ranks` ranks of `threads` threads each.
@@ -237,7 +243,7 @@ fn by_ranks_and_threads(
     ranks: usize,
     threads: usize,
 ) -> (Vec<Body>, u64) {
-    let found = Mutex::new((vec![Motion::zero(); bodies.len()], 0));
+    let found = Mutex::new((vec![[0.0; 9]; bodies.len()], 0));
     team(ranks, |comm| {
         // The loops run on this thread and others.
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).use_current_thread().build().unwrap();
@@ -256,35 +262,35 @@ fn slopes_of_a_long_bed_are_the_sums_of_its_contacts_by_any_ranks_and_threads() 
     // not moved, or all have moved, or only the last ones, when most pairs have been evaluated with what was
     // picked before.
     let bodies = bed(3000);
+    let law = kernel::kernel(ALL_EFFECTS, LAW, InstructionSet::available()[0]);
     let ways: [&(dyn Fn(u64) -> f64 + Sync); 3] =
         [&|_| 0.0, &|id| 0.029 * ((id % 3) as f64 - 1.0), &|id| if id > 2900 { 0.029 } else { 0.0 }];
     for way in ways {
         let alone = by_ranks_and_threads(&bodies, way, 1, 1);
-        let moved: Vec<Body> = (0u64..)
-            .zip(&bodies)
-            .map(|(id, body)| Motion { x: body.x + Vec3::y() * way(id), ..*body })
-            .collect();
+        let mut moved = bodies.clone();
+        (0u64..).zip(&mut moved).for_each(|(id, body)| body[1] += way(id));
         for i in (0..3000).step_by(37).chain(2900..2910) {
             let (mut force, mut torque) = (Vec3::zeros(), Vec3::zeros());
-            let mut add = |gap: f64, n: Vec3, v: Vec3, spins: Spinning| {
+            let mut add = |gap: f64, n: Vec3, v: Vec3, spins: Vec3| {
                 if gap <= 0.1 {
-                    let action = law().action::<Separate, _>(gap, &n, &v, &spins);
+                    let action = law.action(gap, &n, &v, &spins);
                     force += action.force;
-                    torque += action.torque.0;
+                    torque += action.torque;
                 }
             };
             let a = &moved[i];
             for wall in &floor().walls {
-                add(wall.depth(&a.x) - 0.1, -wall.normal, a.v, a.omega);
+                add(wall.depth(&position(a)) - 0.1, -wall.normal, velocity(a), spin(a));
             }
             for b in moved.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, b)| b) {
-                let apart = a.x - b.x;
-                add(apart.norm() - 0.2, apart.normalize(), a.v - b.v, a.omega.plus(&b.omega));
+                let apart = position(a) - position(b);
+                let (v, spins) = (velocity(a) - velocity(b), spin(a) + spin(b));
+                add(apart.norm() - 0.2, apart.normalize(), v, spins);
             }
             let (slope, acceleration) = (&alone.0[i], force / 2.5 + floor().gravity);
-            assert!((slope.v - acceleration).norm() <= 1e-10 * (1.0 + force.norm()), "particle {i}");
-            assert!((slope.omega.0 - torque * 40.0).norm() <= 1e-9 * (1.0 + force.norm()), "particle {i}");
-            assert_eq!(slope.x, a.v);
+            assert!((velocity(slope) - acceleration).norm() <= 1e-10 * (1.0 + force.norm()), "particle {i}");
+            assert!((spin(slope) - torque * 40.0).norm() <= 1e-9 * (1.0 + force.norm()), "particle {i}");
+            assert_eq!(position(slope), velocity(a));
         }
         for (ranks, threads) in [(2, 1), (3, 1), (1, 2), (1, 3), (2, 2)] {
             let shared = by_ranks_and_threads(&bodies, way, ranks, threads);

@@ -264,8 +264,9 @@ impl Forces {
 
     /// Moves the owned bodies to `y`, in all blocks. The ghosts of the rank must be up to date.
     pub fn put(&mut self, y: &[f64]) {
-        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, width, .. } =
-            self;
+        let Forces {
+            kernel, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, width, ..
+        } = self;
         let (law, width) = (kernel.law(), *width);
         let outboxes = &mut outboxes[*current];
         let own = ((&mut lists.blocks[..], &mut block_bodies[..]), &mut outboxes[..]);
@@ -292,9 +293,8 @@ impl Forces {
 
     /// Current bodies of all owned particles, by local index.
     pub fn state(&self) -> Vec<f64> {
-        let own = |(block, local): (&Block, &BlockBodies)| {
-            local.bodies[..block.range.len() * self.width].to_vec()
-        };
+        let own =
+            |(block, local): (&Block, &BlockBodies)| local.bodies[..block.range.len() * self.width].to_vec();
         self.lists.blocks.iter().zip(&self.block_bodies).flat_map(own).collect()
     }
 
@@ -329,11 +329,7 @@ impl Forces {
     /// Sum of each of the two numbers of `measure`, over all contacts of the current bodies.
     ///
     /// The numbers are summed as `integers`, so that the order does not matter.
-    pub fn total(
-        &mut self,
-        measure: Measure,
-        integers: impl Fn([f64; 2]) -> [i64; 2] + Sync,
-    ) -> [i128; 2] {
+    pub fn total(&mut self, measure: Measure, integers: impl Fn([f64; 2]) -> [i64; 2] + Sync) -> [i128; 2] {
         let add = |a: [i128; 2], b: [i128; 2]| std::array::from_fn(|k| a[k] + b[k]);
         let take = |sum, terms| add(sum, integers(terms).map(i128::from));
         self.survey(measure, [0; 2], take, add)

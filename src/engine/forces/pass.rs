@@ -158,12 +158,7 @@ impl Field<'_> {
         let contacts = &contacts[before(part.start)..before(part.end)];
         let BlockBodies { bodies, batch, width, .. } = local;
         let bodies = &bodies[part.start * *width..part.end * *width];
-        self.kernel.add_walls(
-            part.start,
-            contacts,
-            &self.parameters.walls,
-            Sweep { bodies, batch, slopes },
-        );
+        self.kernel.add_walls(part.start, contacts, &self.parameters.walls, Sweep { bodies, batch, slopes });
     }
 
     /// Starts the slopes of all own particles again, with the velocities of their bodies and with near walls.
@@ -234,12 +229,7 @@ impl Forces {
     ///
     /// `vectors` and `dydt` belong to the owned particles, by local index. Without exports nothing is done
     /// here.
-    pub fn begin_stage(
-        &mut self,
-        maker: StageMaker,
-        vectors: Vectors,
-        dydt: &mut [f64],
-    ) {
+    pub fn begin_stage(&mut self, maker: StageMaker, vectors: Vectors, dydt: &mut [f64]) {
         let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, current, width, .. } = self;
         let outboxes = &mut outboxes[*current][..];
         if outboxes.iter().all(Vec::is_empty) {
@@ -259,12 +249,7 @@ impl Forces {
     /// Makes the first interior bodies of every block, `AHEAD` at most, while ghosts are on their way.
     ///
     /// Arguments as for `begin_stage`.
-    pub fn advance_interior(
-        &mut self,
-        maker: StageMaker,
-        vectors: Vectors,
-        dydt: &mut [f64],
-    ) {
+    pub fn advance_interior(&mut self, maker: StageMaker, vectors: Vectors, dydt: &mut [f64]) {
         self.ahead = AHEAD;
         let Forces { kernel, parameters, lists, bounds, block_bodies, width, .. } = self;
         let field = Field::new(&**kernel, parameters);
@@ -304,15 +289,15 @@ impl Forces {
         dydt: &mut [f64],
     ) -> (u64, [f64; 2]) {
         let ahead = std::mem::take(&mut self.ahead);
-        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, width, .. } =
-            self;
+        let Forces {
+            kernel, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, width, ..
+        } = self;
         let (field, law) = (Field::new(&**kernel, parameters), kernel.law());
         let [even, odd] = outboxes;
         let (outboxes, next_outboxes) = if *current == 0 { (even, odd) } else { (odd, even) };
         let begins_next = begins_next && !outboxes.iter().all(Vec::is_empty);
         let (outboxes, ghosts) = (&outboxes[..], &ghosts[..]);
-        let work = move |((blocks, block_bodies), next_outboxes): WithOutbox,
-                         (slopes, items): Items| {
+        let work = move |((blocks, block_bodies), next_outboxes): WithOutbox, (slopes, items): Items| {
             fail_point!("worker");
             let (block, local) = (&mut blocks[0], &mut block_bodies[0]);
             let (slopes, width) = (slopes.numbers, local.width);

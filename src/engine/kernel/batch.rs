@@ -160,11 +160,7 @@ impl Batch {
     /// The torque in row `k`, after `evaluate`, N m. Before, the sum of the spins, rad/s.
     #[inline(always)]
     pub fn torque<const N: usize>(&self, k: usize) -> Vec3 {
-        if N == 9 {
-            Vec3::new(self.spins[0][k], self.spins[1][k], self.spins[2][k])
-        } else {
-            Vec3::zeros()
-        }
+        if N == 9 { Vec3::new(self.spins[0][k], self.spins[1][k], self.spins[2][k]) } else { Vec3::zeros() }
     }
 
     /// Adds forces and torques of `pairs` to the slopes of their particles.
@@ -198,11 +194,8 @@ impl Batch {
     fn actions<L: Lanes, const N: usize>(&self, k: usize) -> ([L::Row; 4], [L::Row; 4]) {
         let get = |column| get::<L>(column, k);
         let zeros = L::row([0.0; 4]);
-        let [x, y, z] = if N == 9 {
-            [get(&self.spins[0]), get(&self.spins[1]), get(&self.spins[2])]
-        } else {
-            [zeros; 3]
-        };
+        let [x, y, z] =
+            if N == 9 { [get(&self.spins[0]), get(&self.spins[1]), get(&self.spins[2])] } else { [zeros; 3] };
         let force = [get(&self.n[0]), get(&self.n[1]), get(&self.n[2])];
         (L::transpose([force[0], force[1], force[2], x]), L::transpose([y, z, zeros, zeros]))
     }
@@ -243,11 +236,7 @@ fn head<L: Lanes, const N: usize>(body: &[f64; N]) -> L::Row {
 /// The other two components of the velocity, and the first two of the spin.
 #[inline(always)]
 fn tail<L: Lanes, const N: usize>(body: &[f64; N]) -> L::Row {
-    if N == 9 {
-        L::row([body[4], body[5], body[6], body[7]])
-    } else {
-        L::row([body[4], body[5], 0.0, 0.0])
-    }
+    if N == 9 { L::row([body[4], body[5], body[6], body[7]]) } else { L::row([body[4], body[5], 0.0, 0.0]) }
 }
 
 /// Force in a slope, and the first component of its torque.

@@ -1,8 +1,8 @@
 //! Decides whether a run can go on after a failed trial, and why not.
 
 use super::Simulation;
-use crate::error::Error;
 use crate::engine::dynamics::Fault;
+use crate::error::Error;
 use crate::model::columns::velocity;
 use crate::ode::{Ivp, TrialOutcome, largest_magnitude};
 

@@ -3,10 +3,9 @@
 use super::{Header, bytes, look, read, slot, slots, verify, write};
 use crate::domain::comm::team::team;
 use crate::domain::{Comm, Solo};
-use crate::engine::simulation::{self, Counts, Frame, FrameSummary, Observer, Simulation, Snapshot, Task};
+use crate::engine::simulation::{Counts, Frame, FrameSummary, Observer, Simulation, Snapshot};
 use crate::error::{Error, StopRequest};
-use crate::model::contact::{Law, Rebound, Tangential};
-use crate::model::particle::{Motion, Spin};
+use crate::model::columns::Columns;
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 use std::cell::Cell;
@@ -49,17 +48,12 @@ struct Camera<'a> {
     path: &'a Path,
 }
 
-impl<W: Spin> Observer<W> for Camera<'_> {
-    fn frame(&mut self, frame: &Frame<W>) -> Result<(), Error> {
-        let numbers = |body: &Motion<W>| {
-            let mut numbers = [0.0; 9];
-            body.pack(&mut numbers);
-            numbers
-        };
+impl Observer for Camera<'_> {
+    fn frame(&mut self, frame: &Frame) -> Result<(), Error> {
+        let bits = |row: &[f64]| row.iter().map(|number| number.to_bits()).collect::<Vec<_>>();
         // Every rank has another block. So only the first 15 particles are compared. On up to 4 ranks, rank 0
         // has them.
-        let mut bits: Vec<u64> = frame.rows.map(numbers).into_iter().flatten().map(f64::to_bits).collect();
-        bits.truncate(9 * 15);
+        let bits = frame.rows.map(bits).into_iter().take(15).flatten().collect();
         let measures = [
             frame.step,
             frame.kinetic_energy,
@@ -71,14 +65,14 @@ impl<W: Spin> Observer<W> for Camera<'_> {
         Ok(())
     }
 
-    fn checkpoint(&mut self, snapshot: &Snapshot<W>) -> Result<(), Error> {
+    fn checkpoint(&mut self, snapshot: &Snapshot) -> Result<(), Error> {
         let header = Header {
             serial: 1,
             version: "of the test".into(),
             instruction_set: "any".into(),
             scene: self.scene.resolved(),
             count: snapshot.count,
-            rotation: W::COMPONENTS > 0,
+            columns: snapshot.columns.clone(),
             velocity_scale: self.scale,
             wall_seconds: 1.5,
             course: FrameSummary::default(),
@@ -99,10 +93,8 @@ struct Part<'a> {
     stop: u64,
 }
 
-impl Task for Part<'_> {
-    type Output = Film;
-
-    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Film {
+impl Part<'_> {
+    fn run(self) -> Film {
         let Part { scene, comm, path, resumes, stop } = self;
         let trials = Cell::new(0);
         let interrupts = || {
@@ -113,11 +105,10 @@ impl Task for Part<'_> {
         let scale = initial_condition::velocity_scale(scene, &start);
         let mut simulation = if resumes {
             verify(comm, path).unwrap();
-            let (header, remembered) = read::<W>(comm, path).unwrap();
-            Simulation::<R, T, W>::resume(scene, law, comm, header.count, header.velocity_scale, remembered)
-                .unwrap()
+            let (Header { count, columns, velocity_scale, .. }, remembered) = read(comm, path).unwrap();
+            Simulation::resume(scene, comm, (count, columns), velocity_scale, remembered).unwrap()
         } else {
-            Simulation::new(scene, &start, law, comm).unwrap()
+            Simulation::new(scene, &start, comm).unwrap()
         };
         simulation.listen_to(&interrupts);
         let mut camera = Camera { film: Film::default(), comm, scene, scale, path };
@@ -131,7 +122,7 @@ impl Task for Part<'_> {
 fn part(scene: &Scene, ranks: usize, path: &Path, resumes: bool, stop: u64) -> Film {
     let film = Mutex::new(Film::default());
     let run = |comm: &dyn Comm| {
-        let own = simulation::dispatch(scene, Part { scene, comm, path, resumes, stop });
+        let own = Part { scene, comm, path, resumes, stop }.run();
         if comm.rank() == 0 {
             *film.lock().unwrap() = own;
         }
@@ -256,7 +247,7 @@ fn a_byte_that_is_wrong_anywhere_is_found() {
     let (_folder, path) = sound();
     assert_eq!(refusal(&path), None);
     let whole = fs::read(&path).unwrap();
-    assert!(whole.len() as u64 <= bytes(60, true));
+    assert!(whole.len() as u64 <= bytes(60, &Columns::new(true)));
     // Every byte of the header and the table, and some bytes between.
     let near_an_end = |at: &usize| *at < 2000 || at + 100 > whole.len() || at.is_multiple_of(97);
     let mut tried = 0;
@@ -285,9 +276,9 @@ fn a_file_that_is_cut_off_or_foreign_is_refused() {
     fs::write(&path, "t_end = 1\n".repeat(100)).unwrap();
     assert!(refusal(&path).unwrap().contains("it does not begin like one"));
     let mut newer = whole.clone();
-    newer[16] = 2;
+    newer[16] = 3;
     fs::write(&path, newer).unwrap();
-    assert!(refusal(&path).unwrap().contains("it has the format 2, and this program reads 1"));
+    assert!(refusal(&path).unwrap().contains("it has the format 3, and this program reads 2"));
     fs::remove_file(&path).unwrap();
     assert!(look(&path).is_none());
     fs::create_dir(&path).unwrap();

@@ -18,12 +18,7 @@ use std::path::Path;
 ///
 /// `path` is the same on every rank. The file gets this name only when it is complete and on the disk. Then
 /// it replaces the earlier file.
-pub fn write(
-    comm: &dyn Comm,
-    path: &Path,
-    header: &Header,
-    snapshot: &Snapshot,
-) -> Result<(), Error> {
+pub fn write(comm: &dyn Comm, path: &Path, header: &Header, snapshot: &Snapshot) -> Result<(), Error> {
     let unfinished = beside(path, "tmp");
     let encoded = postcard::to_stdvec(header).expect("a header holds numbers and texts");
     let parts = comm.size() as u64;

@@ -249,7 +249,12 @@ mod tests {
         let start = read("id, z ,y,x,colour,avx,avy,avz\r\n9,3,2,1,red,4,5,6\r\n").unwrap();
         assert_eq!(
             start,
-            InitialCondition { x: vec![[1.0, 2.0, 3.0]], v: vec![[0.0; 3]], omega: vec![[4.0, 5.0, 6.0]], ..InitialCondition::default() }
+            InitialCondition {
+                x: vec![[1.0, 2.0, 3.0]],
+                v: vec![[0.0; 3]],
+                omega: vec![[4.0, 5.0, 6.0]],
+                ..InitialCondition::default()
+            }
         );
         let start = read("\n x,y,z,vx,vy,vz\n\n\"1\", 2 ,3e0,+4,5.,.5\n   \n").unwrap();
         assert_eq!((start.x[0], start.v[0]), ([1.0, 2.0, 3.0], [4.0, 5.0, 0.5]));

@@ -8,8 +8,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::error::Error;
-use crate::model::columns::{Column, Columns};
 use crate::math::digits::{short, triple};
+use crate::model::columns::{Column, Columns};
 use crate::scene::walls::described_walls;
 use crate::scene::{Grid, Scene, cells_along, shown};
 pub(crate) use file::read_bytes;
@@ -233,8 +233,12 @@ mod tests {
     #[test]
     fn a_centre_outside_is_named_with_its_wall_and_distance() {
         let scene = scene(&["container.wall=[{ normal = [0, 0, 1e200], point = [0, 0, 9] }]"]);
-        let mut start =
-            InitialCondition { x: vec![[0.5; 3]; 4], v: vec![[0.0; 3]; 4], omega: vec![[0.0; 3]; 4], ..InitialCondition::default() };
+        let mut start = InitialCondition {
+            x: vec![[0.5; 3]; 4],
+            v: vec![[0.0; 3]; 4],
+            omega: vec![[0.0; 3]; 4],
+            ..InitialCondition::default()
+        };
         assert_eq!(check(&scene, &start), Ok(()));
         let message = |start: &InitialCondition| check(&scene, start).unwrap_err().to_string();
         start.x[3] = [0.5, 1.25, 0.5];

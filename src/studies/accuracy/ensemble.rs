@@ -270,7 +270,12 @@ mod tests {
     fn a_bed_needs_several_spheres_and_a_floor() {
         let (mut scene, start) = scene();
         assert_eq!(no_bed(&scene, &start), None);
-        let one = InitialCondition { x: vec![[0.2; 3]], v: vec![[0.0; 3]], omega: vec![[0.0; 3]], ..InitialCondition::default() };
+        let one = InitialCondition {
+            x: vec![[0.2; 3]],
+            v: vec![[0.0; 3]],
+            omega: vec![[0.0; 3]],
+            ..InitialCondition::default()
+        };
         assert!(no_bed(&scene, &one).unwrap().contains("one sphere"));
         scene.gravity = [0.0; 3];
         assert!(no_bed(&scene, &start).unwrap().contains("no wall"));

@@ -146,8 +146,12 @@ impl Setup {
     fn end(&self, mut scene: Scene, gap: f64, v: f64) -> (Sample, f64, f64) {
         scene.output.interval = Some(scene.t_end / FRAMES);
         let r = scene.particles.radius;
-        let start =
-            InitialCondition { x: vec![[0.0, 0.0, r + gap]], v: vec![[0.0, 0.0, v]], omega: vec![[0.0; 3]], ..InitialCondition::default() };
+        let start = InitialCondition {
+            x: vec![[0.0, 0.0, r + gap]],
+            v: vec![[0.0, 0.0, v]],
+            omega: vec![[0.0; 3]],
+            ..InitialCondition::default()
+        };
         let (mut gap, mut v) = (f64::NAN, f64::NAN);
         let sample = run(&scene, &start, work_limit(1), |frame| (gap, v) = (frame.x[0].z - r, frame.v[0].z));
         (sample, gap, v)

@@ -3,10 +3,9 @@
 use super::scene::{Case, Outcome};
 use demhybrid::cli::report::{self, Monitor};
 use demhybrid::domain::Comm;
-use demhybrid::engine::simulation::{self, Counts, Frame, FrameSummary, Simulation, Task};
+use demhybrid::engine::simulation::{Counts, Frame, FrameSummary, Simulation};
 use demhybrid::error::Error;
-use demhybrid::model::contact::{Law, Rebound, Tangential};
-use demhybrid::model::particle::Spin;
+use demhybrid::model::columns::{position, spin, velocity};
 use demhybrid::scene::Scene;
 use demhybrid::scene::initial_condition::{self, InitialCondition};
 use std::time::Instant;
@@ -56,42 +55,28 @@ pub fn run(case: &Case, method: &str, comm: &dyn Comm) -> Tale {
 
 /// Runs a scene. Collective.
 pub fn run_scene(scene: &Scene, start: &InitialCondition, comm: &dyn Comm) -> Tale {
-    simulation::dispatch(scene, Telling { scene, start, comm })
-}
-
-struct Telling<'a> {
-    scene: &'a Scene,
-    start: &'a InitialCondition,
-    comm: &'a dyn Comm,
-}
-
-impl Task for Telling<'_> {
-    type Output = Tale;
-    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Tale {
-        let Telling { scene, start, comm } = self;
-        let mut tale = Tale::broken(Error::Elsewhere { code: 70 });
-        tale.warnings = report::forewarnings(scene, start);
-        let simulation = match Simulation::<R, T, W>::new(scene, start, law, comm) {
-            Ok(simulation) => simulation,
-            Err(why) => return Tale { result: Err(why), ..tale },
-        };
-        let mut watch = Monitor::new(scene, start);
-        let result = simulation.run(&mut |frame: &Frame<W>| {
-            if frame.time == 0.0 {
-                tale.warnings.extend(report::overlap_warning(scene, frame.largest_overlap));
-            }
-            tale.course.follow(frame);
-            watch.follow(frame);
-            tale.look(frame, start, comm);
-            Ok(())
-        });
-        tale.result = result.map(|outcome| {
-            tale.warnings.extend(report::doubts(comm, scene, start, &outcome, &tale.course, &watch));
-            tale.overlap = outcome.largest_overlap;
-            outcome.counts
-        });
-        tale
-    }
+    let mut tale = Tale::broken(Error::Elsewhere { code: 70 });
+    tale.warnings = report::forewarnings(scene, start);
+    let simulation = match Simulation::new(scene, start, comm) {
+        Ok(simulation) => simulation,
+        Err(why) => return Tale { result: Err(why), ..tale },
+    };
+    let mut watch = Monitor::new(scene, start);
+    let result = simulation.run(&mut |frame: &Frame| {
+        if frame.time == 0.0 {
+            tale.warnings.extend(report::overlap_warning(scene, frame.largest_overlap));
+        }
+        tale.course.follow(frame);
+        watch.follow(frame);
+        tale.look(frame, start, comm);
+        Ok(())
+    });
+    tale.result = result.map(|outcome| {
+        tale.warnings.extend(report::doubts(comm, scene, start, &outcome, &tale.course, &watch));
+        tale.overlap = outcome.largest_overlap;
+        outcome.counts
+    });
+    tale
 }
 
 impl Tale {
@@ -109,8 +94,8 @@ impl Tale {
     }
 
     /// A frame was made. Collective.
-    fn look<W: Spin>(&mut self, frame: &Frame<W>, start: &InitialCondition, comm: &dyn Comm) {
-        let rows = frame.rows.map(|body| [body.x, body.v, body.omega.vector()]);
+    fn look(&mut self, frame: &Frame, start: &InitialCondition, comm: &dyn Comm) {
+        let rows = frame.rows.map(|row| [position(row), velocity(row), spin(row)]);
         let mut moved = [0.0f64];
         let mut sums = [0u64, 0];
         for (id, row) in (frame.first..).zip(&rows) {

@@ -4,10 +4,8 @@ use demhybrid::cli::report;
 use demhybrid::domain::comm::Parcels;
 use demhybrid::domain::{Comm, Solo};
 use demhybrid::engine::load;
-use demhybrid::engine::simulation::{Frame, Simulation, Task, dispatch};
+use demhybrid::engine::simulation::{Frame, Simulation};
 use demhybrid::error::Error;
-use demhybrid::model::contact::{Law, Rebound, Tangential};
-use demhybrid::model::particle::Spin;
 use demhybrid::scene::Scene;
 use demhybrid::scene::initial_condition::{self, InitialCondition};
 use std::cell::Cell;
@@ -161,9 +159,10 @@ fn take_steps(scene: &Scene, start: &InitialCondition) -> Result<Tally, String> 
         return Ok(accepted);
     }
     let fuel = Fuel(Cell::new(FUEL));
-    let outcome = catch_unwind(AssertUnwindSafe(|| dispatch(scene, Steps { scene, start, comm: &fuel })));
+    let run = || Simulation::new(scene, start, &fuel)?.run(&mut |_: &Frame| Ok(()));
+    let outcome = catch_unwind(AssertUnwindSafe(run));
     let failed = match outcome {
-        Ok(Ok(())) => 0,
+        Ok(Ok(_)) => 0,
         Ok(Err(why)) if why.exit_code() == 3 => {
             well_formed(&why.to_string())?;
             1
@@ -173,21 +172,6 @@ fn take_steps(scene: &Scene, start: &InitialCondition) -> Result<Tally, String> 
         Err(payload) => resume_unwind(payload),
     };
     Ok(Tally { advanced: 1, failed, ..accepted })
-}
-
-struct Steps<'a> {
-    scene: &'a Scene,
-    start: &'a InitialCondition,
-    comm: &'a Fuel,
-}
-
-impl Task for Steps<'_> {
-    type Output = Result<(), Error>;
-    fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Self::Output {
-        let simulation = Simulation::<R, T, W>::new(self.scene, self.start, law, self.comm)?;
-        simulation.run(&mut |_: &Frame<W>| Ok(()))?;
-        Ok(())
-    }
 }
 
 /// The tank is empty.
