@@ -73,19 +73,25 @@ impl Weights {
     fn add_to(&self, y: &[f64], slopes: &Slopes, state: &mut [f64]) {
         /// Numbers that are summed side by side.
         const LANES: usize = 16;
-        for start in (0..state.len()).step_by(LANES) {
-            let range = start..state.len().min(start + LANES);
+        let (blocks, rest) = state.as_chunks_mut::<LANES>();
+        let end = LANES * blocks.len();
+        for (start, block) in (0..end).step_by(LANES).zip(blocks) {
             let mut sums = [0.0; LANES];
             for &(s, weight) in &self.terms[..self.count] {
-                for (sum, slope) in sums.iter_mut().zip(&slopes[s][range.clone()]) {
-                    *sum += slope * weight;
-                }
+                let slope: &[f64; LANES] = lanes(slopes[s], start);
+                (0..LANES).for_each(|lane| sums[lane] += slope[lane] * weight);
             }
-            for ((number, y), sum) in state[range.clone()].iter_mut().zip(&y[range]).zip(sums) {
-                *number = y + sum;
-            }
+            let y: &[f64; LANES] = lanes(y, start);
+            (0..LANES).for_each(|lane| block[lane] = y[lane] + sums[lane]);
         }
+        (end..).zip(rest).for_each(|(k, number)| *number = y[k] + self.sum(slopes, k));
     }
+}
+
+/// The numbers from `start` on, as an array.
+#[inline(always)]
+fn lanes<const N: usize>(numbers: &[f64], start: usize) -> &[f64; N] {
+    numbers[start..].first_chunk().expect("all vectors have the length of the state")
 }
 
 /// The vector in a slot that `slots` assigned.
