@@ -85,8 +85,12 @@ fn the_report_opens_in_a_browser_without_errors_and_without_a_network() {
 fn what_is_looked_for_is_seen_on_a_page_with_mistakes() {
     let folder = TempDir::new().unwrap();
     let page = folder.path().join("bad.html");
-    fs::write(&page, "<!DOCTYPE html><html><body><script>throw new Error('seen')</script>\
-         <img src='http://example.invalid/a.png'></body></html>").unwrap();
+    fs::write(
+        &page,
+        "<!DOCTYPE html><html><body><script>throw new Error('seen')</script>\
+         <img src='http://example.invalid/a.png'></body></html>",
+    )
+    .unwrap();
     let (_, complaints) = browse(folder.path(), &page, &["--dump-dom"]);
     assert!(of_console(&complaints).iter().any(|line| line.contains("seen")), "{complaints}");
     assert_eq!(asked_for(folder.path()), ["example.invalid"]);

@@ -6,7 +6,7 @@
 //! A reader never finds half a frame, even after a crash. First all data are written and flushed. Then the
 //! time and `NSteps` are written and flushed. Readers trust `NSteps` alone.
 //!
-//! docs/design.md lists all groups and arrays.
+//! docs/file-format.md lists all groups and arrays.
 
 mod collective;
 mod frames;
