@@ -56,37 +56,37 @@ pub fn run(case: &Case, method: &str, comm: &dyn Comm) -> Tale {
 
 /// Runs a scene. Collective.
 pub fn run_scene(scene: &Scene, start: &InitialCondition, comm: &dyn Comm) -> Tale {
-    simulation::dispatch(scene, Telling { scene, start, comm })
+    simulation::dispatch(scene, Judged { scene, start, comm })
 }
 
-struct Telling<'a> {
+struct Judged<'a> {
     scene: &'a Scene,
     start: &'a InitialCondition,
     comm: &'a dyn Comm,
 }
 
-impl Task for Telling<'_> {
+impl Task for Judged<'_> {
     type Output = Tale;
     fn with<R: Rebound, T: Tangential, W: Spin>(self, law: Law<R, T>) -> Tale {
-        let Telling { scene, start, comm } = self;
+        let Judged { scene, start, comm } = self;
         let mut tale = Tale::broken(Error::Elsewhere { code: 70 });
         tale.warnings = report::forewarnings(scene, start);
         let simulation = match Simulation::<R, T, W>::new(scene, start, law, comm) {
             Ok(simulation) => simulation,
             Err(why) => return Tale { result: Err(why), ..tale },
         };
-        let mut watch = Monitor::new(scene, start);
+        let mut monitor = Monitor::new(scene, start);
         let result = simulation.run(&mut |frame: &Frame<W>| {
             if frame.time == 0.0 {
                 tale.warnings.extend(report::overlap_warning(scene, frame.largest_overlap));
             }
             tale.course.follow(frame);
-            watch.follow(frame);
+            monitor.follow(frame);
             tale.look(frame, start, comm);
             Ok(())
         });
         tale.result = result.map(|outcome| {
-            tale.warnings.extend(report::doubts(comm, scene, start, &outcome, &tale.course, &watch));
+            tale.warnings.extend(report::doubts(comm, scene, start, &outcome, &tale.course, &monitor));
             tale.overlap = outcome.largest_overlap;
             outcome.counts
         });
