@@ -1,8 +1,12 @@
-# Everyday commands. `make check` is what launch/test.sh and CI run.
+# Everyday commands. `make check` is what launch/test.sh and CI run, `make quick` what to run while you work.
 
-.PHONY: check fmt lint test doc bench
+.PHONY: check quick fmt lint test doc bench
 
 check: fmt lint doc test
+
+# The library, the physics, and what people write and read: no ranks, no program that is started, no fuzzing.
+quick:
+	cargo test --locked --lib --test physics --test texts -- --skip hard:: --skip fuzz::
 
 fmt:
 	cargo fmt --check

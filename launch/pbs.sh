@@ -7,7 +7,7 @@
 #     qsub -v SCENE=configs/bed.toml -J 1-10 launch/pbs.sh            # ten seeds: bed-1.vtkhdf ... bed-10.vtkhdf
 #
 # Ranks x threads: mpiprocs ranks a node with ompthreads threads each. DEMHYBRID_SETUP names a file to source
-# first, with the modules of the site (see README).
+# first, with the modules of the site (docs/clusters.md).
 #PBS -N demhybrid
 #PBS -l select=1:ncpus=2:mpiprocs=2:ompthreads=1
 #PBS -l walltime=01:00:00

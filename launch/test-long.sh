@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# The long checks: the paper's beds with their volume fractions and step counts, the user time of both on one core,
-# 20 000 particles on 2 ranks, the build without MPI, exports in LAMMPS and OVITO, the report in chromium, README and
-# tutorials as they stand, the book, and ten minutes of fuzzing. Takes an hour or so on 2 cores, as estimated; prints the
-# figures, fails where one is out of its bounds.
+# The long checks: the paper's beds with their volume fractions and step counts, the user time of both on one
+# core, 20 000 particles on 2 ranks, the build without MPI, exports in LAMMPS and OVITO, the report in chromium,
+# the commands of all pages as they stand, the book, and ten minutes of fuzzing. Takes an hour or so on 2 cores,
+# as estimated; prints the figures, fails where one is out of its bounds.
 #   launch/test-long.sh                        all parts, in this order:
 #   launch/test-long.sh restart alone packing exports browser documents fuzz hard speed wide accuracy
 set -euo pipefail
@@ -93,7 +93,7 @@ browser() {
 }
 
 documents() {
-    say "every command of README and tutorials, as they stand, and the book"
+    say "every command of README and book, as they stand, and the book itself"
     with_ovito
     DEMHYBRID_PYTHON="$ovito" \
         cargo test --locked --features long-tests --test program documents:: -- --nocapture --test-threads=1

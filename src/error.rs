@@ -314,8 +314,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wish_survives_as_a_number_and_those_that_stop_weigh_more() {
-        let wishes = [
+    fn a_stop_request_survives_as_a_number_and_those_that_stop_weigh_more() {
+        let requests = [
             StopRequest::Nothing,
             StopRequest::Checkpoint,
             StopRequest::StopFile,
@@ -323,10 +323,10 @@ mod tests {
             StopRequest::Signal(1),
             StopRequest::Signal(64),
         ];
-        for pair in wishes.windows(2) {
+        for pair in requests.windows(2) {
             assert!(pair[0].weight() < pair[1].weight(), "{pair:?}");
         }
-        for request in wishes {
+        for request in requests {
             assert_eq!(StopRequest::of_weight(request.weight()), request);
             assert_eq!(request.stops(), request.weight() >= 2.0);
         }

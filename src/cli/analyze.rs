@@ -39,33 +39,33 @@ pub struct AnalyzeArgs {
 
 /// Measures the bed, writes the folder and prints a table.
 pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
-    let record = RunFile::open(&args.run)?;
-    let frames = record.numbers(args.frame)?;
-    let last = record.state(frames[frames.len() - 1])?;
-    let (region, words) = args.region.choice().of(&record.scene, &centres(&last));
+    let run_file = RunFile::open(&args.run)?;
+    let frames = run_file.numbers(args.frame)?;
+    let last = run_file.state(frames[frames.len() - 1])?;
+    let (region, words) = args.region.region().of(&run_file.scene, &centres(&last));
     let folder = args.output.clone().unwrap_or_else(|| format!("{}-analysis", stem(&args.run)).into());
     prepare(&folder, args.force)?;
 
     let mut rows = Vec::new();
     for &k in &frames[..frames.len() - 1] {
-        rows.push(Row::of(&record.scene, &record.state(k)?, &region));
+        rows.push(Row::of(&run_file.scene, &run_file.state(k)?, &region));
     }
-    let measured = Measured::of(&record, &last, &region, words, rows)?;
-    let written = write(&folder, &stem(&args.run), &record, &measured, &last)?;
-    launch::print(&table(&record, &measured, &folder, written));
+    let measured = Measured::of(&run_file, &last, &region, words, rows)?;
+    let written = write(&folder, &stem(&args.run), &run_file, &measured, &last)?;
+    launch::print(&table(&run_file, &measured, &folder, written));
     Ok(())
 }
 
 /// The table on the terminal: what was measured, and where the files are.
-fn table(record: &RunFile, measured: &Measured, folder: &Path, files: usize) -> String {
+fn table(run_file: &RunFile, measured: &Measured, folder: &Path, files: usize) -> String {
     let mut lines = vec![format!(
         "{}: frame {} of {}, t = {} s, {} spheres{}",
-        record.path().display(),
+        run_file.path().display(),
         measured.last().frame,
-        record.frames,
+        run_file.frames,
         measured.last().time,
-        record.count,
-        if record.completed { "" } else { ", the run is not complete" },
+        run_file.count,
+        if run_file.completed { "" } else { ", the run is not complete" },
     )];
     lines.push(format!("measured in {}", measured.region_words));
     lines.extend(measured.findings().iter().map(|(name, value)| format!("  {name:<36}{value}")));

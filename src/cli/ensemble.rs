@@ -107,7 +107,7 @@ impl EnsembleArgs {
 /// Runs or gathers what the command line asks for, writes the folder and prints a table. Collective.
 pub fn run(args: &EnsembleArgs, comm: &dyn Comm) -> Result<(), Error> {
     let pool = JobPool::start(comm, args.threads, args.quiet)?;
-    let plan = Plan { times: args.times, region: args.region.choice() };
+    let plan = Plan { times: args.times, region: args.region.region() };
     let folder = args.folder();
     let make_folder = || share(comm, || prepare(&folder, args.force).map(|()| String::new()));
     let cases = match args.gather.first() {

@@ -1,6 +1,6 @@
 //! Options for the region of a bed in which volumes are measured.
 
-use crate::beds::measures::region::RegionChoice;
+use crate::beds::measures::region::RegionRequest;
 use crate::math::vector::Vec3;
 
 #[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
@@ -22,15 +22,15 @@ pub struct RegionArgs {
 }
 
 impl RegionArgs {
-    /// The region that the options choose.
-    pub fn choice(&self) -> RegionChoice {
+    /// The region that the options ask for.
+    pub fn region(&self) -> RegionRequest {
         if let Some([a, b, c, d, e, f]) = self.r#box {
-            return RegionChoice::Box { low: Vec3::new(a, b, c), high: Vec3::new(d, e, f) };
+            return RegionRequest::Box { low: Vec3::new(a, b, c), high: Vec3::new(d, e, f) };
         }
         if let Some([x, y, radius, from, to]) = self.cylinder {
-            return RegionChoice::Cylinder { axis: [x, y], radius, ends: [from, to] };
+            return RegionRequest::Cylinder { axis: [x, y], radius, ends: [from, to] };
         }
-        if self.whole { RegionChoice::Whole } else { RegionChoice::Bed }
+        if self.whole { RegionRequest::Whole } else { RegionRequest::Bed }
     }
 }
 

@@ -35,8 +35,8 @@ struct Mistake {
 pub(super) fn keys_and_values(source: &mut Source, table: &DeTable) -> Result<(), Error> {
     let mut mistakes = Vec::new();
     check_table(source, table, "", "", None, &mut mistakes);
-    let place = |mistake: &Mistake| (mistake.missing, mistake.span.as_ref().map_or(0, |span| span.start));
-    match mistakes.into_iter().min_by_key(place) {
+    let order = |mistake: &Mistake| (mistake.missing, mistake.span.as_ref().map_or(0, |span| span.start));
+    match mistakes.into_iter().min_by_key(order) {
         Some(mistake) => Err(source.error(mistake.span, &mistake.message)),
         None => Ok(()),
     }
@@ -262,12 +262,12 @@ fn box_sides(source: &Source, sides: &BoxSides) -> Result<(), Error> {
             return Err(source.error(source.value(&path), &message));
         }
         if min >= max {
-            let place = source.value("container.box.max").or_else(|| source.value("container.box.min"));
+            let span = source.value("container.box.max").or_else(|| source.value("container.box.min"));
             let message = format!(
                 "container.box is empty in {axis}: container.box.min = {min} m must be less than \
                  container.box.max = {max} m"
             );
-            return Err(source.error(place, &message));
+            return Err(source.error(span, &message));
         }
     }
     Ok(())
@@ -284,11 +284,11 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
         for (corner, value) in [("min", min), ("max", max)] {
             if value.is_infinite() {
                 let path = format!("container.box.{corner}");
-                let place = source.value(&path).or_else(|| source.key("particles.grid"));
+                let span = source.value(&path).or_else(|| source.key("particles.grid"));
                 let message = format!(
                     "{path} is {value} in {axis}: particles.grid needs a box that is finite in x and y"
                 );
-                return Err(source.error(place, &message));
+                return Err(source.error(span, &message));
             }
         }
         let side = max - min;
@@ -296,10 +296,10 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
             let message = format!(
                 "{} is larger than the side of container.box in {axis}, {side} m: not one cell of the grid \
                  fits in, it must be at most that",
-                source.setting("particles.grid.spacing", grid.spacing, "m")
+                source.assignment("particles.grid.spacing", grid.spacing, "m")
             );
-            let place = source.value("particles.grid.spacing").or_else(|| source.value("container.box.max"));
-            return Err(source.error(place, &message));
+            let span = source.value("particles.grid.spacing").or_else(|| source.value("container.box.max"));
+            return Err(source.error(span, &message));
         }
     }
     Ok(())
@@ -346,21 +346,21 @@ fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
     if let Some(force) = solver.neglected_force.filter(|&force| force >= f_0) {
         let message = format!(
             "{} must be less than {}, or spheres that touch would not be evaluated",
-            source.setting("solver.neglected_force", force, "N"),
-            source.setting("contact.repulsion_at_contact", f_0, "N")
+            source.assignment("solver.neglected_force", force, "N"),
+            source.assignment("contact.repulsion_at_contact", f_0, "N")
         );
         return Err(source.error(source.value("solver.neglected_force"), &message));
     }
     if solver.max_step >= solver.min_step {
         return Ok(());
     }
-    let place = source.value("solver.max_step").or_else(|| source.value("solver.min_step"));
+    let span = source.value("solver.max_step").or_else(|| source.value("solver.min_step"));
     let message = format!(
         "{} is less than {}: the largest step must not be below the smallest",
-        source.setting("solver.max_step", solver.max_step, "s"),
-        source.setting("solver.min_step", solver.min_step, "s")
+        source.assignment("solver.max_step", solver.max_step, "s"),
+        source.assignment("solver.min_step", solver.min_step, "s")
     );
-    Err(source.error(place, &message))
+    Err(source.error(span, &message))
 }
 
 /// Checks that `[stop]`, if given, has a criterion, and `[checkpoint]`, if given, one of its two times.
@@ -387,13 +387,13 @@ fn frames(source: &Source, scene: &Scene) -> Result<(), Error> {
     if frames <= MOST_FRAMES {
         return Ok(());
     }
-    let place = source.value("output.interval").or_else(|| source.value("t_end"));
+    let span = source.value("output.interval").or_else(|| source.value("t_end"));
     let message = format!(
         "{} would write {frames:e} frames until {}, more than {MOST_FRAMES:e}: it is the simulated time \
          between frames in s, e.g. interval = {}",
-        source.setting("output.interval", interval, "s"),
-        source.setting("t_end", scene.t_end, "s"),
+        source.assignment("output.interval", interval, "s"),
+        source.assignment("t_end", scene.t_end, "s"),
         scene.t_end / 100.0
     );
-    Err(source.error(place, &message))
+    Err(source.error(span, &message))
 }

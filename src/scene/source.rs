@@ -27,7 +27,7 @@ pub(super) struct Source<'a> {
     /// Position in `all` at which each `--set` starts.
     starts: Vec<usize>,
     /// From a dotted path to the positions of its key and of its value.
-    places: HashMap<String, (Span, Span)>,
+    spans: HashMap<String, (Span, Span)>,
 }
 
 /// A `--set` option, split and ready to be merged.
@@ -49,7 +49,7 @@ impl<'a> Source<'a> {
             starts.push(all.len());
             all.push_str(set);
         }
-        Source { name, sets, all, starts, places: HashMap::new() }
+        Source { name, sets, all, starts, spans: HashMap::new() }
     }
 
     /// Splits each `--set` into the words of its key, and its value.
@@ -61,12 +61,12 @@ impl<'a> Source<'a> {
     ///
     /// A later value replaces an earlier one. Tables are merged key by key, and missing tables are created.
     pub fn merged<'i>(&self, text: &'i str, sets: &'i [SetDocument]) -> Result<Spanned<DeTable<'i>>, Error> {
-        if let Some(place) = too_deep(text) {
+        if let Some(span) = too_deep(text) {
             let message = format!(
                 "not valid TOML: it is nested more than {DEEPEST} deep: a bracket must be closed by its own \
                  kind, and a key is made of a few words"
             );
-            return Err(self.error(Some(place), &message));
+            return Err(self.error(Some(span), &message));
         }
         let mut table = DeTable::parse(text).map_err(|mistake| {
             let hint = match mistake.message() {
@@ -92,17 +92,17 @@ impl<'a> Source<'a> {
 
     /// Stores the positions of a key and its value.
     pub fn remember(&mut self, path: &str, key: Span, value: Span) {
-        self.places.insert(path.to_owned(), (key, value));
+        self.spans.insert(path.to_owned(), (key, value));
     }
 
     /// Position of the value of `path`, if it was given.
     pub fn value(&self, path: &str) -> Option<Span> {
-        self.places.get(path).map(|(_, value)| value.clone())
+        self.spans.get(path).map(|(_, value)| value.clone())
     }
 
     /// Position of the key of `path`, if it was given.
     pub fn key(&self, path: &str) -> Option<Span> {
-        self.places.get(path).map(|(key, _)| key.clone())
+        self.spans.get(path).map(|(key, _)| key.clone())
     }
 
     /// The value at `span` as the user wrote it, shortened.
@@ -111,7 +111,7 @@ impl<'a> Source<'a> {
     }
 
     /// `path = value unit` as the user wrote it, or with the default if the user left it out.
-    pub fn setting(&self, path: &str, default: f64, unit: &str) -> String {
+    pub fn assignment(&self, path: &str, default: f64, unit: &str) -> String {
         match self.value(path) {
             Some(span) => format!("{path} = {} {unit}", self.written(&span)),
             None => format!("{path} = {default:?} {unit} (the default)"),
@@ -375,7 +375,7 @@ mod tests {
     }
 
     #[test]
-    fn a_set_cannot_reach_into_a_value() {
+    fn a_set_cannot_change_a_part_of_a_value() {
         let message = read("a = 1", &["a.b.c=2"]).unwrap_err().to_string();
         assert!(
             message.starts_with("--set a.b.c=2: a is not a table in the scene and has no key b"),

@@ -9,7 +9,7 @@ const KAPPA: f64 = 150.0;
 const PSI: f64 = 10.0;
 const G: f64 = 9.81;
 
-/// Gap (m) at which a body starts: beyond the reach of the contact.
+/// Gap (m) at which a body starts: beyond the range of the contact.
 const FAR: f64 = 0.21;
 
 /// A sphere of `mass` (kg) hits the floor with `v` (m/s); frames every `interval` (s).

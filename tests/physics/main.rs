@@ -1,5 +1,5 @@
 //! The program against exact answers for the paper's contact model, and what no change of the code may break.
-//! Where an exact value is derived: docs/design.md. All runs are on one rank, inside the test.
+//! Where an exact value is derived: docs/model.md. All runs are on one rank, inside the test.
 
 mod balance;
 #[path = "../../benches/common/mod.rs"]

@@ -1,5 +1,5 @@
 //! What the model promises for any cloud of spheres, tried on random ones: forces come in pairs, angular
-//! momentum changes by what friction does at a distance, and neither the place, nor the direction, nor the
+//! momentum changes by what friction does at a distance, and neither the position, nor the direction, nor the
 //! names of the particles matter.
 //!
 //! Formulas are those of the paper, written down once more.
@@ -171,14 +171,14 @@ fn clouds(most: usize, outside: bool) -> impl Strategy<Value = Cloud> {
     (vec(body, 1..most), shape, effects, outer).prop_map(move |(bodies, shape, effects, outer)| {
         let ((size, flat, clumped, speed), (restitution, friction, turns), (walls, gravity, mass)) =
             (shape, effects, outer);
-        let place = |(k, x): (usize, Vec3)| {
+        let position = |(k, x): (usize, Vec3)| {
             let clump = Vec3::repeat(if clumped { [-1.0, 0.0, 0.8][k % 3] } else { 0.0 });
             let mut x = clump + x * if clumped { 0.3 } else { size };
             x.z *= if flat { 0.0 } else { 1.0 };
             x
         };
         Cloud {
-            x: bodies.iter().map(|body| body.0).enumerate().map(place).collect(),
+            x: bodies.iter().map(|body| body.0).enumerate().map(position).collect(),
             v: bodies.iter().map(|body| body.1 * speed).collect(),
             omega: bodies.iter().map(|body| body.2 * speed).collect(),
             walls,
@@ -242,7 +242,7 @@ proptest! {
     }
 
     #[test]
-    fn the_place_of_a_scene_does_not_matter(cloud in clouds(50, true), shift in vector(10.0)) {
+    fn the_position_of_a_scene_does_not_matter(cloud in clouds(50, true), shift in vector(10.0)) {
         let mut moved = cloud.clone();
         moved.x.iter_mut().for_each(|x| *x += shift);
         moved.walls.iter_mut().for_each(|(point, _)| *point += shift);

@@ -32,7 +32,7 @@ fn one_bounce_is_compared_with_its_exact_answers() {
         .and(&["1e-3,1e-8", "--steps", "1e-4", "--studies", "impact,energy", "-q"])
         .run()
         .with_code(0);
-    // The rebound time of verification.md: 3.61907 s.
+    // The exact rebound time, as in docs/accuracy.md: 3.61907 s.
     assert!(ended.stdout.contains("highest again after 3.61907"), "{}", ended.stdout);
     assert!(ended.stdout.contains("recommendation"), "{}", ended.stdout);
     let results = folder.path().join("bounce-accuracy");

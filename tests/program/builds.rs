@@ -45,8 +45,8 @@ fn both_builds_write_the_same_bits() {
 fn either_build_goes_on_with_what_the_other_began() {
     let scene = format!("{PACKAGE}/configs/quick.toml");
     let arguments = [&scene[..], "--set", "output.interval=0.005", "--set", "checkpoint.interval=0.1"];
-    let place = TempDir::new().unwrap();
-    let whole = written(PROGRAM.as_ref(), place.path(), &arguments);
+    let folder = TempDir::new().unwrap();
+    let whole = written(PROGRAM.as_ref(), folder.path(), &arguments);
     let (with, without) = (PathBuf::from(PROGRAM), without_mpi());
     for (first, second, ranks) in
         [(&with, &without, None), (&without, &with, None), (&without, &with, Some(2))]

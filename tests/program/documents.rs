@@ -1,8 +1,9 @@
-//! Every command of README.md and of the tutorials, run in the order of the document in a temporary folder.
+//! Every command of README.md and of the book, run in the order of the page in a temporary folder.
 //!
 //! Indented blocks and blocks fenced as `sh` are commands, one a line (a line that ends with `\` goes on);
 //! `python` is a script for the readers' Python; `toml` is a scene, saved under the name in its first comment
-//! (else scene.toml) and checked with --dry-run; `text` is output. Any other fence is a mistake.
+//! (else scene.toml) and checked with --dry-run; `text` is output, and `rust` is a program that `cargo test
+//! --doc` builds. Any other fence is a mistake.
 //!
 //! `demhybrid` is a script of the test: a plain `cargo test` ends scenes at t = 0.3 s (1.2 s with a limit of
 //! wall time) where the command does not say itself when it ends; with the feature `long-tests` commands run
@@ -53,8 +54,8 @@ const EXCEPTIONS: &[(&str, Fate)] = &[
     ("module load ", Left("names differ from site to site")),
     ("MPICC=mpicc HDF5_DIR=$HDF5_ROOT cargo install ", Left("installs the program")),
     ("cargo install ", Left("installs the program")),
-    ("launch/strong-scaling.sh", Left("settles 20 000 spheres; tests/scaling.rs runs it with fewer")),
-    ("launch/weak-scaling.sh", Left("settles 20 000 spheres; tests/scaling.rs runs it with fewer")),
+    ("launch/strong-scaling.sh", Left("settles 20 000 spheres, which takes minutes")),
+    ("launch/weak-scaling.sh", Left("settles 20 000 spheres, which takes minutes")),
     ("QUICK=1 launch/compare-peers.sh", Left("needs LAMMPS and LIGGGHTS, and takes long")),
     ("demhybrid accuracy configs/quick.toml", Long),
     ("demhybrid accuracy configs/bed.toml", Long),
@@ -119,7 +120,7 @@ fn items(text: &str) -> Result<Vec<Item>, String> {
                     let name = name.filter(|name| name.ends_with(".toml")).unwrap_or("scene.toml");
                     found.push(Item::Scene(name.to_owned(), block.join("\n") + "\n"));
                 }
-                "text" => {}
+                "text" | "rust,no_run" => {}
                 _ => return Err(format!("a block of an unknown kind: ```{kind}")),
             }
             after_blank = true;
@@ -171,7 +172,7 @@ fn plan(command: &str) -> Result<Plan<'_>, String> {
         Some(Leaves(codes)) => Ok(Plan { run: Some((command, codes)), why: "" }),
         None if RUNNABLE.iter().any(|start| command.starts_with(start)) => Ok(as_it_stands),
         None => Err(format!(
-            "unknown command {command:?}: tests/documents.rs must know how to run it or why it cannot"
+            "unknown command {command:?}: tests/program/documents.rs must know how to run it or why it cannot"
         )),
     }
 }
@@ -235,6 +236,32 @@ fn follow(document: &str) -> TempDir {
     folder
 }
 
+/// A test for each page whose commands are run, and the list of these pages.
+macro_rules! follow {
+    ($($page:literal: $test:ident,)*) => {
+        const FOLLOWED: &[&str] = &["README.md", $($page),*];
+        $(#[test] fn $test() { follow($page); })*
+    };
+}
+
+follow! {
+    "docs/accuracy.md": accuracy_of_a_scene,
+    "docs/clusters.md": runs_on_a_cluster,
+    "docs/ensembles.md": many_seeds_and_cases,
+    "docs/exports.md": a_bed_for_another_program,
+    "docs/file-format.md": a_file_read_frame_by_frame,
+    "docs/measures.md": measures_of_a_bed,
+    "docs/performance.md": scaling_on_your_machine,
+    "docs/pictures.md": pictures_and_films,
+    "docs/restart.md": a_run_that_stops_and_goes_on,
+    "docs/results.md": results_in_python,
+    "docs/running.md": a_scene_from_init_to_two_ranks,
+    "docs/scene.md": a_scene_with_every_table,
+    "docs/tutorial-bed.md": a_bed_for_a_pore_scale_solver,
+    "docs/tutorial-ensemble.md": an_ensemble_on_a_cluster,
+    "docs/tutorial-tolerance.md": choosing_a_tolerance,
+}
+
 #[test]
 fn every_command_of_the_readme_does_what_it_says() {
     let folder = follow("README.md");
@@ -244,18 +271,22 @@ fn every_command_of_the_readme_does_what_it_says() {
 }
 
 #[test]
-fn a_bed_for_a_pore_scale_solver() {
-    follow("docs/tutorial-bed.md");
-}
-
-#[test]
-fn an_ensemble_on_a_cluster() {
-    follow("docs/tutorial-ensemble.md");
-}
-
-#[test]
-fn choosing_a_tolerance() {
-    follow("docs/tutorial-tolerance.md");
+fn no_page_with_commands_is_forgotten() {
+    let mut pages = 0;
+    for folder in ["", "docs", "docs/decisions"] {
+        for entry in fs::read_dir(Path::new(PACKAGE).join(folder)).unwrap() {
+            let path = entry.unwrap().path();
+            if path.extension().is_none_or(|extension| extension != "md") {
+                continue;
+            }
+            let page = path.strip_prefix(PACKAGE).unwrap().to_str().unwrap();
+            let items =
+                items(&fs::read_to_string(&path).unwrap()).unwrap_or_else(|why| panic!("{page}: {why}"));
+            assert_eq!(!items.is_empty(), FOLLOWED.contains(&page), "{page}: {items:?}");
+            pages += 1;
+        }
+    }
+    assert!(pages > 60, "{pages}");
 }
 
 #[test]

@@ -26,9 +26,9 @@ fn export(folder: &Path, line: &str) -> crate::mpirun::Ended {
 }
 
 fn state(folder: &Path, run: &str, which: Which) -> State {
-    let record = RunFile::open(&folder.join(run)).unwrap();
-    let frame = record.numbers(which).unwrap()[0];
-    record.state(frame).unwrap()
+    let run_file = RunFile::open(&folder.join(run)).unwrap();
+    let frame = run_file.numbers(which).unwrap()[0];
+    run_file.state(frame).unwrap()
 }
 
 fn bits(state: &State) -> Vec<u64> {
@@ -77,9 +77,9 @@ fn all_frames_go_to_numbered_files_and_xyz_to_one() {
     let text = fs::read_to_string(at("a.xyz")).unwrap();
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines.len(), 16 * 29);
-    let record = RunFile::open(&at("quick.vtkhdf")).unwrap();
+    let run_file = RunFile::open(&at("quick.vtkhdf")).unwrap();
     for (k, frame) in lines.chunks(29).enumerate() {
-        let state = record.state(k as u64).unwrap();
+        let state = run_file.state(k as u64).unwrap();
         assert_eq!(frame[0], "27");
         assert!(frame[1].ends_with(&format!(" Time={:?}", state.time)), "{}", frame[1]);
         // species, pos, id, radius, velo, angular_velocity
@@ -129,11 +129,11 @@ fn a_killed_run_is_exported_up_to_its_last_frame() {
     kill(job.process());
     job.end().with_code(137);
     export(folder.path(), "quick.vtkhdf --to csv -o last.csv").with_code(0);
-    let record = RunFile::open(&folder.path().join("quick.vtkhdf")).unwrap();
-    let state = record.state(record.frames - 1).unwrap();
+    let run_file = RunFile::open(&folder.path().join("quick.vtkhdf")).unwrap();
+    let state = run_file.state(run_file.frames - 1).unwrap();
     let table = fs::read_to_string(folder.path().join("last.csv")).unwrap();
     let row: Vec<f64> = table.lines().last().unwrap().split(',').map(|word| word.parse().unwrap()).collect();
-    assert!(!record.completed && record.frames >= 20);
+    assert!(!run_file.completed && run_file.frames >= 20);
     assert_eq!(row[..6], [state.x[26], state.v[26]].concat());
 }
 

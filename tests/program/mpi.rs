@@ -118,7 +118,7 @@ fn slabs(x: &[[f64; 3]], ranks: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..x.len()).collect();
     order.sort_by(|&i, &j| x[i][2].total_cmp(&x[j][2]));
     let mut slabs = vec![0; x.len()];
-    order.iter().enumerate().for_each(|(place, &i)| slabs[i] = place * ranks / x.len());
+    order.iter().enumerate().for_each(|(rank, &i)| slabs[i] = rank * ranks / x.len());
     slabs
 }
 
@@ -235,12 +235,12 @@ fn layer(side: usize, low: f64, high: f64) -> Vec<[f64; 9]> {
 }
 
 #[test]
-fn slabs_thinner_than_the_ghost_reach_give_the_same_bits() {
+fn slabs_thinner_than_the_extent_of_ghosts_give_the_same_bits() {
     // 64 spheres within 0.2 m, slabs of about 0.05 m; ghosts reach 2 r + l_max = 0.3 m and more.
     let results = assert_same_as_alone(&layer(8, 0.1, 0.3), WIDE_BOX, 4);
     let heights = results.vectors("Points", results.frames() - 1).into_iter().map(|x| x[2]);
     let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), z| (a.min(z), b.max(z)));
-    assert!(high - low < 0.3, "all of them are still within one reach: {low} m to {high} m");
+    assert!(high - low < 0.3, "all of them are still within one range of ghosts: {low} m to {high} m");
     assert!(results.counts("run/series/pair_evaluations").last() > Some(&1000), "they must touch");
 }
 
@@ -381,9 +381,9 @@ fn the_file_of_a_killed_run_holds_every_frame_it_tells_of() {
     let times = whole.times();
     assert_eq!(times.len(), 201);
     for (round, frames) in [2, 40, 90, 150].into_iter().enumerate() {
-        let place = folder.path().join(format!("killed-{round}"));
-        fs::create_dir(&place).unwrap();
-        let mut job = Job::on(2, &place, &["../scene.toml", "--threads", "1"]).start();
+        let own = folder.path().join(format!("killed-{round}"));
+        fs::create_dir(&own).unwrap();
+        let mut job = Job::on(2, &own, &["../scene.toml", "--threads", "1"]).start();
         job.wait_for_frames(frames);
         // Another moment within a frame every time.
         sleep(Duration::from_micros(700 * round as u64));
@@ -391,7 +391,7 @@ fn the_file_of_a_killed_run_holds_every_frame_it_tells_of() {
         job.must_end_within(FAULT_DEADLINE);
         let ended = job.end();
         assert_ne!(ended.code, 0, "killed too late, after {frames} frames: {}", ended.stdout);
-        let file = Results::open(&place.join("scene.vtkhdf"));
+        let file = Results::open(&own.join("scene.vtkhdf"));
         let there = file.frames();
         assert!((frames..=times.len()).contains(&there), "{there} frames, {frames} were told of");
         assert_eq!((file.count("completed"), file.times().as_slice()), (0, &times[..there]));
@@ -453,23 +453,23 @@ fn unwritable_folder(below: &Path) -> Option<PathBuf> {
 }
 
 #[test]
-fn a_place_that_cannot_be_written_to_is_refused_before_the_first_step() {
+fn a_path_that_cannot_be_written_to_is_refused_before_the_first_step() {
     let (folder, other) = (long_run(), TempDir::new().unwrap());
     let path = folder.path();
     fs::write(path.join("old.vtkhdf"), b"precious").unwrap();
     fs::create_dir(path.join("runs")).unwrap();
     let unwritable =
         unwritable_folder(other.path()).map(|folder| folder.join("run.vtkhdf").display().to_string());
-    let places = [
+    let paths = [
         ("missing/run.vtkhdf", "there is no folder"),
-        ("start.csv/run.vtkhdf", "choose another place"),
+        ("start.csv/run.vtkhdf", "choose another path"),
         // Root may write to it, but nobody can.
-        ("/proc/run.vtkhdf", "choose another place"),
+        ("/proc/run.vtkhdf", "choose another path"),
         ("runs", "is a folder"),
         ("old.vtkhdf", "--force"),
     ];
     let unwritable = unwritable.as_deref().map(|file| (file, "choose another"));
-    for (file, part) in places.into_iter().chain(unwritable) {
+    for (file, part) in paths.into_iter().chain(unwritable) {
         let ended = Job::on(2, path, &["scene.toml", "--output", file]).run().with_code(2);
         ended.only_error(&[&format!("\"{file}\""), part]);
         assert!(

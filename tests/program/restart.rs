@@ -329,8 +329,8 @@ fn a_run_that_ends_at_rest_is_complete_and_says_why() {
 
 #[test]
 fn what_cannot_be_taken_up_is_refused_with_one_message() {
-    let place = folder();
-    let folder = place.path();
+    let temporary = folder();
+    let folder = temporary.path();
     let mut job = started(0, folder, 30);
     signal_job(&job, Signal::TERM);
     job.must_end_within(DEADLINE);

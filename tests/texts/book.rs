@@ -1,5 +1,5 @@
-//! The book under docs: its tables of scene keys are those of the program, and its chapters and links are
-//! there.
+//! The book under docs: its tables of scene keys are those of the program, and its chapters and links, and
+//! those of the pages in the root, are there.
 
 use demhybrid::scene::{Scene, schema};
 use serde_json::Value;
@@ -230,24 +230,60 @@ fn the_equations_of_a_key_are_those_in_which_the_model_has_its_symbol() {
     assert_eq!(of_the_crate, of_the_paper);
 }
 
+/// The Markdown files of a folder, below the root of the package.
+fn pages(folder: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(folder)).unwrap();
+    let mut found: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    found.retain(|path| path.extension().is_some_and(|extension| extension == "md"));
+    found.sort();
+    found
+}
+
 #[test]
-fn every_chapter_and_every_link_within_the_book_is_there() {
-    let mut chapters = Vec::new();
-    for entry in fs::read_dir(docs()).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_some_and(|extension| extension == "md") {
-            chapters.push(path);
-        }
-    }
+fn every_page_is_a_chapter() {
     let summary = fs::read_to_string(docs().join("SUMMARY.md")).unwrap();
+    let chapters = [pages("docs"), pages("docs/decisions")].concat();
     for path in &chapters {
-        let name = path.file_name().unwrap().to_str().unwrap();
+        let name = path.strip_prefix(docs()).unwrap().to_str().unwrap();
         assert!(name == "SUMMARY.md" || summary.contains(&format!("({name})")), "{name} is no chapter");
-        for link in fs::read_to_string(path).unwrap().split("](").skip(1) {
-            let target = link.split([')', '#']).next().unwrap();
-            let there = target.is_empty() || target.starts_with("http") || docs().join(target).exists();
-            assert!(there, "{name} links to {target}");
+    }
+    assert!(chapters.len() > 60, "{chapters:?}");
+    for path in pages("docs/decisions") {
+        let name = format!("(decisions/{})", path.file_name().unwrap().to_str().unwrap());
+        assert!(
+            fs::read_to_string(docs().join("decisions.md")).unwrap().contains(&name),
+            "{name} is not listed"
+        );
+    }
+}
+
+#[test]
+fn every_link_leads_somewhere() {
+    let mut links = 0;
+    for path in [pages(""), pages("docs"), pages("docs/decisions")].concat() {
+        let text = fs::read_to_string(&path).unwrap();
+        for link in text.split("](").skip(1) {
+            let target = link.split(')').next().unwrap();
+            if target.starts_with("http") {
+                continue;
+            }
+            let (file, heading) = target.split_once('#').unwrap_or((target, ""));
+            let file = if file.is_empty() { path.clone() } else { path.parent().unwrap().join(file) };
+            assert!(file.exists(), "{} links to {target}", path.display());
+            let there = heading.is_empty() || headings(&fs::read_to_string(&file).unwrap()).contains(heading);
+            assert!(there, "{} links to {target}", path.display());
+            links += 1;
         }
     }
-    assert!(chapters.len() >= 12, "{chapters:?}");
+    assert!(links > 200, "{links}");
+}
+
+/// The headings of a page as links name them: lower case, with hyphens for blanks.
+fn headings(text: &str) -> BTreeSet<String> {
+    let lines = text.lines().filter(|line| line.starts_with('#'));
+    let name = |line: &str| -> String {
+        let words = line.trim_start_matches('#').trim().to_lowercase().replace(' ', "-");
+        words.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect()
+    };
+    lines.map(name).collect()
 }

@@ -122,8 +122,8 @@ impl FrameData<'_> {
         let (low, high) = region::container_box(self.scene, &x);
         x.iter().fold((low, high), |(low, high), x| {
             let outside = |k: usize| x[k] <= low[k] || x[k] >= high[k];
-            let reach = Vec3::from_fn(|k, _| if outside(k) { r } else { 0.0 });
-            (low.inf(&(x - reach)), high.sup(&(x + reach)))
+            let margin = Vec3::from_fn(|k, _| if outside(k) { r } else { 0.0 });
+            (low.inf(&(x - margin)), high.sup(&(x + margin)))
         })
     }
 }

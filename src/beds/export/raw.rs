@@ -48,11 +48,11 @@ impl Image {
         self.origin[axis] + (k as f64 + 0.5) * self.spacing
     }
 
-    /// Voxels along `axis` whose centres are within `reach` (m) of `x` (m), and perhaps one more at each end.
-    fn around(&self, axis: usize, x: f64, reach: f64) -> std::ops::Range<usize> {
+    /// Voxels along `axis` whose centres are within `distance` (m) of `x` (m), and perhaps one more at each end.
+    fn around(&self, axis: usize, x: f64, distance: f64) -> std::ops::Range<usize> {
         // Casts saturate, so a position below the first voxel gives 0.
         let voxel = |x: f64| ((x - self.origin[axis]) / self.spacing).floor() as usize;
-        voxel(x - reach).min(self.shape[axis])..voxel(x + reach).saturating_add(1).min(self.shape[axis])
+        voxel(x - distance).min(self.shape[axis])..voxel(x + distance).saturating_add(1).min(self.shape[axis])
     }
 
     /// Writes the voxels layer by layer, with x fastest; returns the number of voxels that are 1.

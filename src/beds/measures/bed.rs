@@ -86,11 +86,11 @@ impl Lines {
         self.low + (k as f64 + 0.5) * self.width
     }
 
-    /// The strips whose middle is within `reach` (m) of `centre` (m).
-    fn within(&self, centre: f64, reach: f64) -> std::ops::Range<usize> {
+    /// The strips whose middle is within `distance` (m) of `centre` (m).
+    fn within(&self, centre: f64, distance: f64) -> std::ops::Range<usize> {
         // Casts saturate, so a position below the first strip gives 0.
         let lines_below = |x: f64| ((x - self.low) / self.width + 0.5).floor() as usize;
-        lines_below(centre - reach).min(self.count)..lines_below(centre + reach).min(self.count)
+        lines_below(centre - distance).min(self.count)..lines_below(centre + distance).min(self.count)
     }
 }
 

@@ -7,7 +7,7 @@ use crate::scene::Scene;
 
 /// The part of a bed in which volumes are measured.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub enum RegionChoice {
+pub enum RegionRequest {
     /// The bed without its top.
     #[default]
     Bed,
@@ -31,16 +31,16 @@ pub enum RegionChoice {
     },
 }
 
-impl RegionChoice {
+impl RegionRequest {
     /// The region to measure in a bed of `scene` with the centres `x` (m), and its name.
     pub fn of(&self, scene: &Scene, x: &[Vec3]) -> (Region, &'static str) {
         let inner = match *self {
-            RegionChoice::Box { low, high } => return (Region::Box { low, high }, "the box of --box"),
-            RegionChoice::Cylinder { axis, radius, ends } => {
+            RegionRequest::Box { low, high } => return (Region::Box { low, high }, "the box of --box"),
+            RegionRequest::Cylinder { axis, radius, ends } => {
                 return (Region::Cylinder { axis, radius, ends }, "the cylinder of --cylinder");
             }
-            RegionChoice::Bed => bed_region(scene, x),
-            RegionChoice::Whole => None,
+            RegionRequest::Bed => bed_region(scene, x),
+            RegionRequest::Whole => None,
         };
         let words = match inner {
             Some(_) => "the bed, without its top",

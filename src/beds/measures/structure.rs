@@ -29,13 +29,13 @@ pub fn radial_distribution(x: &[Vec3], r: f64, (low, high): (Vec3, Vec3)) -> Vec
     // The correction is valid up to half the shortest side. Nothing happens beyond five diameters. With very
     // many spheres, there are too many pairs up to that distance.
     let most = if inside.len() > 100_000 { 6.0 * r } else { 10.0 * r };
-    let reach = (0.5 * sides.min()).min(most);
-    let bins = (reach / width).floor().max(0.0) as usize;
+    let cutoff = (0.5 * sides.min()).min(most);
+    let bins = (cutoff / width).floor().max(0.0) as usize;
     if inside.len() < 2 || bins == 0 {
         return Vec::new();
     }
     let mut sums = vec![0.0; bins];
-    for_each_pair(&inside, reach, |[i, j]| {
+    for_each_pair(&inside, cutoff, |[i, j]| {
         let apart = inside[i] - inside[j];
         let bin = (apart.norm() / width) as usize;
         if bin < bins {
@@ -67,20 +67,23 @@ pub fn room_of_centres(scene: &Scene, region: &Region) -> (Vec3, Vec3) {
 }
 
 /// Positions at equal distances between `from` and `to`, in the middle of their steps.
-fn places(from: f64, to: f64, r: f64) -> Vec<f64> {
+fn positions(from: f64, to: f64, r: f64) -> Vec<f64> {
     let count = ((to - from) / r * SECTIONS_PER_RADIUS).ceil().clamp(1.0, MOST_SECTIONS);
     (0..count as usize).map(|k| from + (to - from) * (k as f64 + 0.5) / count).collect()
 }
 
 /// Porosity of each section of `region` across `axis`: the share that no sphere covers.
-fn porosities(spheres: &Spheres, region: &Region, axis: usize, places: &[f64]) -> Vec<f64> {
-    places.par_iter().map(|&at| 1.0 - spheres.section(region, axis, at) / region.section(axis, at)).collect()
+fn porosities(spheres: &Spheres, region: &Region, axis: usize, positions: &[f64]) -> Vec<f64> {
+    positions
+        .par_iter()
+        .map(|&at| 1.0 - spheres.section(region, axis, at) / region.section(axis, at))
+        .collect()
 }
 
 /// Porosity over height in `region`: heights (m), and the exact porosity of the horizontal section at each.
 pub fn over_height(spheres: &Spheres, region: &Region, r: f64) -> Vec<[f64; 2]> {
     let (low, high) = region.bounds();
-    let heights = places(low.z, high.z, r);
+    let heights = positions(low.z, high.z, r);
     let found = porosities(spheres, region, 2, &heights);
     heights.into_iter().zip(found).map(|(height, porosity)| [height, porosity]).collect()
 }
@@ -100,7 +103,7 @@ pub fn over_wall_distance(
         return (Vec::new(), Vec::new());
     };
     let half = 0.5 * (high - low).xy().min();
-    let distances = places(0.0, half, r);
+    let distances = positions(0.0, half, r);
     let mut walls = Vec::new();
     for (axis, name) in ["x", "y"].into_iter().enumerate() {
         if sides.min[axis] == low[axis] {

@@ -122,7 +122,7 @@ pub struct Spheres<'a> {
     r: f64,
     cuts: Vec<Vec<Half>>,
     /// Whether each sphere coincides with one of a lower index.
-    hidden: Vec<bool>,
+    duplicate: Vec<bool>,
 }
 
 /// Volumes inside a region, m^3.
@@ -140,7 +140,7 @@ impl<'a> Spheres<'a> {
     /// Spheres of radius `r` (m) around the centres `x` (m).
     pub fn new(x: &'a [Vec3], r: f64) -> Self {
         let mut cuts = vec![Vec::new(); x.len()];
-        let mut hidden = vec![false; x.len()];
+        let mut duplicate = vec![false; x.len()];
         for_each_pair(x, 2.0 * r, |[i, j]| {
             let apart = x[j] - x[i];
             let d = apart.norm();
@@ -149,11 +149,11 @@ impl<'a> Spheres<'a> {
                 cuts[i].push(Half { n, b: n.dot(&x[i]) + d / 2.0 });
                 cuts[j].push(Half { n: -n, b: d / 2.0 - n.dot(&x[j]) });
             } else {
-                hidden[i.max(j)] = true;
+                duplicate[i.max(j)] = true;
             }
         });
         x.par_iter().zip(&mut cuts).for_each(|(x, cuts)| drop_idle(x, r, cuts));
-        Spheres { x, r, cuts, hidden }
+        Spheres { x, r, cuts, duplicate }
     }
 
     /// Volumes inside `region`. The result has the same bits for any number of threads.
@@ -169,7 +169,7 @@ impl<'a> Spheres<'a> {
                     return [0.0; 2];
                 }
                 let whole = Ball::new(x, self.r, bounds.iter(), pillar).volume();
-                let own = if self.hidden[i] {
+                let own = if self.duplicate[i] {
                     0.0
                 } else if self.cuts[i].is_empty() {
                     whole
@@ -191,7 +191,7 @@ impl<'a> Spheres<'a> {
         let mut area = 0.0;
         for (i, x) in self.x.iter().enumerate() {
             let height = at - x[axis];
-            if height.abs() < self.r && !self.hidden[i] {
+            if height.abs() < self.r && !self.duplicate[i] {
                 let ball = Ball::new(x, self.r, bounds.iter().chain(&self.cuts[i]), region.pillar());
                 area += ball.section(axis, height, &mut flat);
             }
@@ -234,11 +234,11 @@ fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
     *halves = kept;
 }
 
-/// Calls `visit` for every pair of centres within `reach` (m) of each other. The order depends on `x` alone.
-pub fn for_each_pair(x: &[Vec3], reach: f64, visit: impl FnMut([usize; 2])) {
+/// Calls `visit` for every pair of centres within `cutoff` (m) of each other. The order depends on `x` alone.
+pub fn for_each_pair(x: &[Vec3], cutoff: f64, visit: impl FnMut([usize; 2])) {
     let keys: Vec<Key> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();
-    lists.rebuild(x, &keys, x.len(), reach, (&[], reach), 1);
+    lists.rebuild(x, &keys, x.len(), cutoff, (&[], cutoff), 1);
     lists.blocks.iter().flat_map(|block| block.first_pairs()).for_each(visit);
 }
 
@@ -327,8 +327,8 @@ impl Ball {
             }
             // The highest and the lowest point of the circle in which the plane cuts the ball.
             let uphill = (z - a.n * a.n.z).normalize();
-            let reach = (r * r - a.b * a.b).max(0.0).sqrt();
-            [reach, -reach].into_iter().for_each(|t| add(a.n * a.b + uphill * t));
+            let radius = (r * r - a.b * a.b).max(0.0).sqrt();
+            [radius, -radius].into_iter().for_each(|t| add(a.n * a.b + uphill * t));
             for (l, b) in self.halves[..k].iter().enumerate() {
                 let line = a.n.cross(&b.n);
                 let sine2 = line.norm_squared();
@@ -337,16 +337,16 @@ impl Ball {
                 }
                 let cosine = a.n.dot(&b.n);
                 let foot = (a.n * (a.b - b.b * cosine) + b.n * (b.b - a.b * cosine)) / sine2;
-                let reach2 = r * r - foot.norm_squared();
-                if reach2 <= 0.0 {
+                let half_chord2 = r * r - foot.norm_squared();
+                if half_chord2 <= 0.0 {
                     continue;
                 }
                 let along = line / sine2.sqrt();
-                [1.0, -1.0].into_iter().for_each(|sign| add(foot + along * (sign * reach2.sqrt())));
+                [1.0, -1.0].into_iter().for_each(|sign| add(foot + along * (sign * half_chord2.sqrt())));
                 for c in &self.halves[..l] {
                     let slope = c.n.dot(&along);
                     let t = (c.b - c.n.dot(&foot)) / slope;
-                    if slope.abs() > 1e-12 && t * t < reach2 {
+                    if slope.abs() > 1e-12 && t * t < half_chord2 {
                         add(foot + along * t);
                     }
                 }

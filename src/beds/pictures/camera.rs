@@ -94,14 +94,14 @@ impl Camera {
             scale: 1.0,
             centre,
         };
-        let seen: Vec<Ball> = balls.iter().map(|&(x, r)| (camera.coordinates(&x), r)).collect();
+        let in_view: Vec<Ball> = balls.iter().map(|&(x, r)| (camera.coordinates(&x), r)).collect();
         match (wanted.projection, wanted.from) {
-            (Projection::Orthographic, _) => camera.fit_parallel(&seen, half, wanted.target.is_none()),
-            (Projection::Perspective, None) => camera.fit_distance(&seen, half, wanted.target.is_none()),
+            (Projection::Orthographic, _) => camera.fit_parallel(&in_view, half, wanted.target.is_none()),
+            (Projection::Perspective, None) => camera.fit_distance(&in_view, half, wanted.target.is_none()),
             (Projection::Perspective, Some(from)) => {
                 camera.position = from;
-                let seen: Vec<Ball> = balls.iter().map(|&(x, r)| (camera.coordinates(&x), r)).collect();
-                camera.fit_angle(&seen, half);
+                let in_view: Vec<Ball> = balls.iter().map(|&(x, r)| (camera.coordinates(&x), r)).collect();
+                camera.fit_angle(&in_view, half);
             }
         }
         camera.scale *= wanted.zoom;
@@ -112,16 +112,16 @@ impl Camera {
     ///
     /// If `may_shift`, the middle of the balls is moved to the middle of the frame. The camera stands in
     /// front of all balls.
-    fn fit_parallel(&mut self, seen: &[Ball], half: [f64; 2], may_shift: bool) {
+    fn fit_parallel(&mut self, in_view: &[Ball], half: [f64; 2], may_shift: bool) {
         let mut need = [0.0; 2];
         let mut shift = [0.0; 2];
         for axis in 0..2 {
-            let (low, high) = extent(seen, |(x, r)| [x[axis] - r, x[axis] + r]);
+            let (low, high) = extent(in_view, |(x, r)| [x[axis] - r, x[axis] + r]);
             shift[axis] = if may_shift { (low + high) / 2.0 } else { 0.0 };
             need[axis] = (high - shift[axis]).max(shift[axis] - low);
         }
         self.scale = (half[0] / need[0]).min(half[1] / need[1]);
-        let (nearest, _) = extent(seen, |(x, r)| [x.z - r, x.z + r]);
+        let (nearest, _) = extent(in_view, |(x, r)| [x.z - r, x.z + r]);
         let size = need[0].max(need[1]);
         self.position +=
             self.right * shift[0] + self.up * shift[1] + self.forward * (nearest.min(0.0) - size);
@@ -131,7 +131,7 @@ impl Camera {
     ///
     /// If `may_shift`, the camera may also move sideways. A ball is in the frame if it is inside the plane
     /// through the camera and each side of the frame, by at least its radius.
-    fn fit_distance(&mut self, seen: &[Ball], half: [f64; 2], may_shift: bool) {
+    fn fit_distance(&mut self, in_view: &[Ball], half: [f64; 2], may_shift: bool) {
         self.scale = half[0].min(half[1]) / HALF_ANGLE.tan();
         let mut depth = f64::NEG_INFINITY;
         let mut sides = [[0.0; 2]; 2];
@@ -139,24 +139,24 @@ impl Camera {
             let slope = half[axis] / self.scale;
             let spare = (1.0 + slope * slope).sqrt();
             // Largest value of +-x - depth slope + r spare, for the two sides.
-            let (_, high) = extent(seen, |(x, r)| [x[axis] - x.z * slope + r * spare; 2]);
-            let (_, low) = extent(seen, |(x, r)| [-x[axis] - x.z * slope + r * spare; 2]);
+            let (_, high) = extent(in_view, |(x, r)| [x[axis] - x.z * slope + r * spare; 2]);
+            let (_, low) = extent(in_view, |(x, r)| [-x[axis] - x.z * slope + r * spare; 2]);
             sides[axis] = [low, high];
             let needed = if may_shift { (low + high) / 2.0 } else { low.max(high) } / slope;
             depth = depth.max(needed);
         }
         // The camera must not be among the balls, even if they are small in the picture.
-        let (nearest, _) = extent(seen, |(x, r)| [x.z - 1.5 * r; 2]);
+        let (nearest, _) = extent(in_view, |(x, r)| [x.z - 1.5 * r; 2]);
         depth = depth.max(-nearest);
         let shift = sides.map(|[low, high]| if may_shift { (high - low) / 2.0 } else { 0.0 });
         self.position += self.right * shift[0] + self.up * shift[1] - self.forward * depth;
     }
 
     /// Fits the angle of view: the smallest one that shows all balls in front of the camera.
-    fn fit_angle(&mut self, seen: &[Ball], half: [f64; 2]) {
+    fn fit_angle(&mut self, in_view: &[Ball], half: [f64; 2]) {
         let shorter = half[0].min(half[1]);
         let mut slope = 0.0f64;
-        for (x, r) in seen {
+        for (x, r) in in_view {
             for axis in 0..2 {
                 let across = x[axis].abs().atan2(x.z);
                 let away = x.z.hypot(x[axis]);
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_is_seen_and_fills_the_frame() {
+    fn everything_is_in_view_and_fills_the_frame() {
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let camera = Camera::new(&wanted(projection), &balls(), SIZE, FRAME).unwrap();
             let covered = covered(&camera, &balls());
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_is_seen_from_a_position_and_the_target_is_in_the_middle() {
+    fn everything_is_in_view_from_a_position_and_the_target_is_in_the_middle() {
         let mut wanted = wanted(Projection::Perspective);
         wanted.from = Some(Vec3::new(3.0, -4.0, 2.0));
         wanted.target = Some(Vec3::new(0.5, 0.5, 0.5));

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::camera::{Ball, Camera, Ray};
 use super::edges::Edge;
-use super::light::{Lamps, Light, REACH, encoded, linear};
+use super::light::{Lamps, Light, SHADOW_RANGE, encoded, linear};
 use super::options::Size;
 use super::picture::Picture;
 use super::quantity::lists;
@@ -126,7 +126,7 @@ impl<'a> Stage<'a> {
             })
             .collect();
         bodies.sort_by(|a, b| a.nearest.total_cmp(&b.nearest).then(a.id.cmp(&b.id)));
-        let (starts, neighbours) = neighbours(subject.x, REACH * subject.r);
+        let (starts, neighbours) = neighbours(subject.x, SHADOW_RANGE * subject.r);
         Stage {
             camera,
             bodies,
@@ -325,11 +325,11 @@ impl Line {
     }
 }
 
-/// For every centre, the other centres within `reach` (m), by ascending id.
+/// For every centre, the other centres within `cutoff` (m), by ascending id.
 ///
 /// In the second list, entries `starts[i]` to `starts[i + 1]` belong to centre i. `starts` is the first list.
-fn neighbours(x: &[Vec3], reach: f64) -> (Vec<u32>, Vec<u32>) {
-    let lists = lists(x, reach, &[], 0.0);
+fn neighbours(x: &[Vec3], cutoff: f64) -> (Vec<u32>, Vec<u32>) {
+    let lists = lists(x, cutoff, &[], 0.0);
     let pairs = || lists.blocks.iter().flat_map(|block| block.first_pairs());
     let mut starts = vec![0; x.len() + 1];
     for [i, j] in pairs() {

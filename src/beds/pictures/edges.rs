@@ -23,14 +23,14 @@ pub fn edges(walls: &[Wall], sides: Option<&BoxSides>, low: Vec3, high: Vec3) ->
     let mut planes = walls.to_vec();
     let real = planes.len();
     for axis in 0..3 {
-        for (sign, reached, side) in
+        for (sign, extreme, side) in
             [(-1.0, low[axis], sides.map(|b| b.min[axis])), (1.0, high[axis], sides.map(|b| b.max[axis]))]
         {
             // A limit outside a near side, so that the limit does not cut edges.
-            let is_near = |side: &f64| sign * (side - reached) <= 0.5 * extent;
+            let is_near = |side: &f64| sign * (side - extreme) <= 0.5 * extent;
             let limit = match side.filter(is_near) {
-                Some(side) => sign * ((sign * side).max(sign * reached) + 0.5 * extent),
-                None => reached + sign * 0.2 * extent,
+                Some(side) => sign * ((sign * side).max(sign * extreme) + 0.5 * extent),
+                None => extreme + sign * 0.2 * extent,
             };
             let mut point = Vec3::zeros();
             point[axis] = limit;

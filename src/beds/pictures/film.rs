@@ -186,15 +186,15 @@ const BITS: usize = 6;
 impl Palette {
     /// Chooses colours for `samples`. The first colour is exactly the background.
     fn new(samples: &[Picture], background: [u8; 3]) -> Self {
-        let mut seen = Vec::new();
+        let mut pixels = Vec::new();
         for [r, g, b] in samples.iter().flat_map(|picture| &picture.pixels).copied() {
             if [r, g, b] != background {
-                seen.extend([r, g, b, 255]);
+                pixels.extend([r, g, b, 255]);
             }
         }
         let mut colours = vec![background];
-        if !seen.is_empty() {
-            let network = color_quant::NeuQuant::new(10, 255, &seen);
+        if !pixels.is_empty() {
+            let network = color_quant::NeuQuant::new(10, 255, &pixels);
             colours.extend(network.color_map_rgb().as_chunks::<3>().0);
         }
         colours.resize(256, background);

@@ -8,7 +8,7 @@ use crate::math::vector::Vec3;
 pub type Light = [f32; 3];
 
 /// Distance, in radii, beyond which the centre of a neighbour casts no shadow.
-pub const REACH: f64 = 4.0;
+pub const SHADOW_RANGE: f64 = 4.0;
 
 /// Strengths of the key light, the sky and a lamp at the camera, on a surface that faces them.
 const KEY: f64 = 0.60;
@@ -50,7 +50,7 @@ impl Lamps {
             let d2 = away.norm_squared();
             // The centre of a neighbour may coincide with the point.
             let d = d2.sqrt().max(1e-9 * r);
-            let far = ((REACH * r - d) / r).clamp(0.0, 1.0);
+            let far = ((SHADOW_RANGE * r - d) / r).clamp(0.0, 1.0);
             sky *= 1.0 - 0.9 * far * hidden(normal.dot(&away) / d, d / r);
             key *= 1.0 - far * shadow(&self.key, &away, d2, r);
         }
@@ -131,6 +131,6 @@ mod tests {
         let free = brightness(&[]);
         assert!(brightness(&[Vec3::new(0.0, 1.2, 0.0)]) < 0.7 * free);
         assert_eq!(brightness(&[Vec3::new(0.0, -2.0, 0.0)]), free);
-        assert_eq!(brightness(&[Vec3::new(0.0, REACH, 0.0)]), free);
+        assert_eq!(brightness(&[Vec3::new(0.0, SHADOW_RANGE, 0.0)]), free);
     }
 }

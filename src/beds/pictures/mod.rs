@@ -82,28 +82,28 @@ pub fn check_format(output: &Path) -> Result<(), Error> {
     Format::of(output).map(|_| ())
 }
 
-/// Draws the `frames` of the run file `record`; returns the files that were written.
-pub fn draw(record: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<PathBuf>, Error> {
+/// Draws the `frames` of the run file `run_file`; returns the files that were written.
+pub fn draw(run_file: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<PathBuf>, Error> {
     let format = Format::of(&options.output)?;
     let paths: Vec<PathBuf> = match (format, options.numbered) {
         (Format::Png, true) => frames.iter().map(|&k| film::numbered(&options.output, k)).collect(),
         _ => vec![options.output.clone()],
     };
     for path in &paths {
-        film::look(path, record.path(), options.force)?;
+        film::look(path, run_file.path(), options.force)?;
     }
     let threads = rayon::ThreadPoolBuilder::new().num_threads(options.threads.unwrap_or(0)).build();
     let threads = threads.map_err(|why| Error::Input(format!("--threads: they cannot be started: {why}")))?;
     threads.install(|| {
-        let studio = Studio::new(options, record, frames)?;
+        let studio = Studio::new(options, run_file, frames)?;
         match format {
             Format::Png => {
                 for (&frame, path) in frames.iter().zip(&paths) {
-                    film::write_png(path, &studio.picture(&record.state(frame)?), options.force)?;
+                    film::write_png(path, &studio.picture(&run_file.state(frame)?), options.force)?;
                 }
                 Ok(())
             }
-            Format::Gif | Format::Apng => studio.film(options, record, frames, format),
+            Format::Gif | Format::Apng => studio.film(options, run_file, frames, format),
         }
     })?;
     Ok(paths)
@@ -128,17 +128,17 @@ struct Studio<'a> {
 }
 
 impl<'a> Studio<'a> {
-    fn new(options: &Options, record: &'a RunFile, frames: &[u64]) -> Result<Self, Error> {
-        let scene = &record.scene;
+    fn new(options: &Options, run_file: &'a RunFile, frames: &[u64]) -> Result<Self, Error> {
+        let scene = &run_file.scene;
         if options.colour == Quantity::Spin && !scene.rotates() {
             return Err(Error::Input(format!(
                 "--colour spin: the spheres of {} do not rotate; \
                  choose height, speed, force, overlap or none",
-                record.path().display()
+                run_file.path().display()
             )));
         }
         let upwards = (-Vec3::from(scene.gravity)).try_normalize(0.0).unwrap_or(Vec3::z());
-        let survey = Survey::new(record, frames, options.colour, &upwards)?;
+        let survey = Survey::new(run_file, frames, options.colour, &upwards)?;
         let limits =
             options.range.unwrap_or_else(|| options.colour.limits(survey.values[0], survey.values[1]));
         let interval = scene.output.interval.unwrap_or(scene.t_end / 100.0);
@@ -215,20 +215,26 @@ impl<'a> Studio<'a> {
         picture
     }
 
-    fn film(&self, options: &Options, record: &RunFile, frames: &[u64], format: Format) -> Result<(), Error> {
+    fn film(
+        &self,
+        options: &Options,
+        run_file: &RunFile,
+        frames: &[u64],
+        format: Format,
+    ) -> Result<(), Error> {
         let mut film = if format == Format::Gif {
             // Choose the colours from the first picture, the last one, and one between them.
             let sampled = [frames[0], frames[frames.len() / 2], frames[frames.len() - 1]];
-            let samples = sampled.iter().map(|&k| Ok(self.picture(&record.state(k)?)));
+            let samples = sampled.iter().map(|&k| Ok(self.picture(&run_file.state(k)?)));
             let samples = samples.collect::<Result<Vec<_>, Error>>()?;
             Film::gif(&options.output, &samples, self.background, options.fps, options.force)?
         } else {
             let count =
-                u32::try_from(frames.len()).map_err(|_| record.unreadable("it holds too many frames"))?;
+                u32::try_from(frames.len()).map_err(|_| run_file.unreadable("it holds too many frames"))?;
             Film::apng(&options.output, self.size, count, options.fps, options.force)?
         };
         for &frame in frames {
-            film.add(&self.picture(&record.state(frame)?))?;
+            film.add(&self.picture(&run_file.state(frame)?))?;
         }
         film.finish()
     }
@@ -254,8 +260,8 @@ struct Survey {
 }
 
 impl Survey {
-    fn new(record: &RunFile, frames: &[u64], quantity: Quantity, up: &Vec3) -> Result<Self, Error> {
-        let r = record.scene.particles.radius;
+    fn new(run_file: &RunFile, frames: &[u64], quantity: Quantity, up: &Vec3) -> Result<Self, Error> {
+        let r = run_file.scene.particles.radius;
         let mut survey = Survey {
             balls: Vec::new(),
             low: Vec3::repeat(f64::INFINITY),
@@ -265,10 +271,12 @@ impl Survey {
         };
         let mut cells = HashSet::new();
         for &frame in frames {
-            let state = record.state(frame)?;
+            let state = run_file.state(frame)?;
             for x in state.x.iter().map(|&x| Vec3::from(x)) {
                 if !x.iter().all(|c| c.is_finite()) {
-                    return Err(record.unreadable(&format!("frame {frame} has a position that is no number")));
+                    return Err(
+                        run_file.unreadable(&format!("frame {frame} has a position that is no number"))
+                    );
                 }
                 survey.low = survey.low.inf(&(x - Vec3::repeat(r)));
                 survey.high = survey.high.sup(&(x + Vec3::repeat(r)));
@@ -277,13 +285,13 @@ impl Survey {
                     survey.balls.push((x, r));
                 }
             }
-            for value in quantity.values(&record.scene, &state, up) {
+            for value in quantity.values(&run_file.scene, &state, up) {
                 survey.values = [survey.values[0].min(value), survey.values[1].max(value)];
             }
             survey.last_time = state.time;
         }
         if survey.balls.is_empty() {
-            return Err(record.unreadable("it holds no spheres"));
+            return Err(run_file.unreadable("it holds no spheres"));
         }
         Ok(survey)
     }

@@ -78,13 +78,13 @@ impl Quantity {
     }
 }
 
-/// Pairs of centres within `reach` (m), and walls within `wall_reach` (m) of a centre, in a fixed order.
+/// Pairs of centres within `cutoff` (m), and walls within `wall_cutoff` (m) of a centre, in a fixed order.
 ///
 /// The ids of the centres are their indices in `x`.
-pub fn lists(x: &[Vec3], reach: f64, walls: &[crate::model::wall::Wall], wall_reach: f64) -> Lists {
+pub fn lists(x: &[Vec3], cutoff: f64, walls: &[crate::model::wall::Wall], wall_cutoff: f64) -> Lists {
     let keys: Vec<_> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();
-    lists.rebuild(x, &keys, x.len(), reach, (walls, wall_reach), 1);
+    lists.rebuild(x, &keys, x.len(), cutoff, (walls, wall_cutoff), 1);
     lists
 }
 

@@ -54,7 +54,7 @@ fn a_sphere_covers_pi_r_squared_pixels() {
 }
 
 #[test]
-fn a_sphere_is_seen_where_it_is() {
+fn a_sphere_is_drawn_where_it_is() {
     let size = Size { width: 300, height: 100 };
     let far = [(Vec3::zeros(), RED), (Vec3::new(4.0, 0.0, 0.0), BLUE)];
     let picture = shown(Projection::Orthographic, &far, &[], size, 1);

@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_without_a_place_is_not_drawn() {
+    fn a_value_that_the_scale_cannot_show_is_not_drawn() {
         let axis = Axis::logarithmic("", [1e-3, f64::NAN, 0.0, 1.0]);
         assert_eq!(axis.share(0.0), None);
         assert_eq!(axis.share(f64::NAN), None);

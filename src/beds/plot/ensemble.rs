@@ -105,14 +105,14 @@ fn draw(canvas: &Canvas, outer: Area, panel: &Panel, looks: &[Look]) -> Drawn {
     let frame = Frame::within(outer, &panel.name, x, y);
     frame.draw(canvas)?;
     for ((number, group), look) in panel.groups.iter().enumerate().zip(looks) {
-        let places: Vec<(Pixel, Interval)> = (group.bars.iter())
+        let drawn: Vec<(Pixel, Interval)> = (group.bars.iter())
             .filter_map(|bar| Some((bar, frame.at(bar.x, bar.interval.mean)?)))
             .map(|(bar, (x, y))| ((x + aside(panel, number, bar.x), y), bar.interval))
             .collect();
-        if !matches!(panel.across, Across::Named(_)) && places.len() > 1 {
-            canvas.line(places.iter().map(|&(at, _)| at).collect(), look.colour, 1)?;
+        if !matches!(panel.across, Across::Named(_)) && drawn.len() > 1 {
+            canvas.line(drawn.iter().map(|&(at, _)| at).collect(), look.colour, 1)?;
         }
-        for &((x, y), Interval { mean, half_width, .. }) in &places {
+        for &((x, y), Interval { mean, half_width, .. }) in &drawn {
             if half_width.is_finite() {
                 // On a logarithmic axis, an interval that includes zero has no lower end.
                 let ends = [mean - half_width, mean + half_width]
@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bars_at_the_same_place_stand_side_by_side_and_a_lone_one_in_the_middle() {
+    fn bars_at_the_same_position_stand_side_by_side_and_a_lone_one_in_the_middle() {
         let interval = Interval { mean: 1.0, half_width: 0.1, count: 5 };
         let group =
             |x: &[f64]| Group { name: String::new(), bars: x.iter().map(|&x| Bar { x, interval }).collect() };

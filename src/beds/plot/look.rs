@@ -97,10 +97,10 @@ impl Look {
 
 /// The looks of `names`, in their order. Known methods have fixed looks; other names get the next free ones.
 pub fn looks<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<Look> {
-    let places: Vec<Option<usize>> =
+    let numbers: Vec<Option<usize>> =
         names.into_iter().map(|name| METHODS.iter().position(|&method| method == name)).collect();
-    let mut free = (0..).filter(|place| !places.contains(&Some(*place)));
-    places.iter().filter_map(|place| place.or_else(|| free.next())).map(Look::number).collect()
+    let mut free = (0..).filter(|number| !numbers.contains(&Some(*number)));
+    numbers.iter().filter_map(|number| number.or_else(|| free.next())).map(Look::number).collect()
 }
 
 #[cfg(test)]

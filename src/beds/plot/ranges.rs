@@ -61,8 +61,8 @@ fn draw(canvas: &Canvas, outer: Area, panel: &Ranges, names: &[String], looks: &
             canvas.line(vec![(left - CAP / 2, end), (left + CAP / 2, end)], look.colour, 2)?;
         }
         if mean.half_width.is_finite() {
-            let reach = [mean.mean + mean.half_width, mean.mean - mean.half_width];
-            if let [Some((_, top)), Some((_, bottom))] = reach.map(at) {
+            let ends = [mean.mean + mean.half_width, mean.mean - mean.half_width];
+            if let [Some((_, top)), Some((_, bottom))] = ends.map(at) {
                 canvas.veil(
                     &[(left - BOX, top), (left + BOX, top), (left + BOX, bottom), (left - BOX, bottom)],
                     look.colour,

@@ -59,8 +59,8 @@ pub fn series(
 
 /// The parts of the line between its gaps, in pixels.
 fn pieces(frame: &Frame, points: &[(f64, f64)]) -> Vec<Vec<Pixel>> {
-    let places: Vec<Option<Pixel>> = points.iter().map(|&(x, y)| frame.at(x, y)).collect();
-    places.split(Option::is_none).map(|piece| thinned(piece.iter().flatten().copied())).collect()
+    let pixels: Vec<Option<Pixel>> = points.iter().map(|&(x, y)| frame.at(x, y)).collect();
+    pixels.split(Option::is_none).map(|piece| thinned(piece.iter().flatten().copied())).collect()
 }
 
 /// The line with at most four pixels in each column: the first, the highest, the lowest and the last.
@@ -89,10 +89,10 @@ fn thinned(pixels: impl Iterator<Item = Pixel>) -> Vec<Pixel> {
 fn markers(frame: &Frame, points: &[(f64, f64)], number: i32, lines: i32) -> Vec<Pixel> {
     let spacing = (frame.inside.right - frame.inside.left) / MARKERS;
     let first = frame.inside.left + spacing * (2 * number + 1) / (2 * lines);
-    let places = points.iter().filter_map(|&(x, y)| frame.at(x, y));
+    let pixels = points.iter().filter_map(|&(x, y)| frame.at(x, y));
     let mut next = first;
     let mut chosen = Vec::new();
-    for (x, y) in places {
+    for (x, y) in pixels {
         if x >= next {
             chosen.push((x, y));
             next = first + ((x - first) / spacing + 1) * spacing;

@@ -59,7 +59,7 @@ fn a_failed_run_is_shown_with_its_tolerance() {
 }
 
 #[test]
-fn an_error_of_zero_has_its_own_place() {
+fn an_error_of_zero_has_its_own_position() {
     let curves = [curve("merson", vec![point("1e-2", 1e-3, 10.0, 1.0), point("1e-9", 0.0, 90.0, 9.0)])];
     let words = words(|path| work_precision(path, "", "error", &curves).unwrap());
     assert!(holds(&words, "0"), "{words:?}");

@@ -43,20 +43,20 @@ pub struct Point {
 
 /// Position of a run on the axis of errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Place {
+enum Position {
     Zero,
     At(f64),
     Failed,
 }
 
 impl Point {
-    fn place(&self) -> Place {
+    fn position(&self) -> Position {
         if self.failed || !self.error.is_finite() || self.error < 0.0 {
-            Place::Failed
+            Position::Failed
         } else if self.error == 0.0 {
-            Place::Zero
+            Position::Zero
         } else {
-            Place::At(self.error)
+            Position::At(self.error)
         }
     }
 }
@@ -101,9 +101,9 @@ fn panel(
     cost: &Cost,
 ) -> Drawn {
     let points = || curves.iter().flat_map(|curve| &curve.points);
-    let any = |place| points().any(|point| point.place() == place);
-    let errors = points().filter(|point| point.place() != Place::Failed).map(|point| point.error);
-    let x = Axis::logarithmic(error_label, errors).with_bands(any(Place::Zero), any(Place::Failed));
+    let any = |position| points().any(|point| point.position() == position);
+    let errors = points().filter(|point| point.position() != Position::Failed).map(|point| point.error);
+    let x = Axis::logarithmic(error_label, errors).with_bands(any(Position::Zero), any(Position::Failed));
     let frame = Frame::within(outer, "", x, Axis::logarithmic(cost.label, points().map(cost.of)));
     bands(canvas, &frame)?;
     frame.draw(canvas)?;
@@ -120,7 +120,7 @@ fn panel(
     labels.avoid(failed_word(&frame));
     for ((curve, pixels), look) in curves.iter().zip(&pixels).zip(looks) {
         for k in 1..pixels.len() {
-            let joined = [k - 1, k].map(|k| curve.points[k].place() != Place::Failed);
+            let joined = [k - 1, k].map(|k| curve.points[k].position() != Position::Failed);
             if joined == [true, true] {
                 canvas.line(vec![pixels[k - 1], pixels[k]], look.colour, 2)?;
                 labels.avoid_line(pixels[k - 1], pixels[k]);
@@ -130,7 +130,7 @@ fn panel(
     }
     for ((curve, pixels), look) in curves.iter().zip(&pixels).zip(looks) {
         for (point, &at) in curve.points.iter().zip(pixels) {
-            let mark = if point.place() == Place::Failed { Mark::Crossed } else { Mark::Full };
+            let mark = if point.position() == Position::Failed { Mark::Crossed } else { Mark::Full };
             look.marker(canvas, at, mark)?;
         }
         for k in labelled(&curve.points) {
@@ -143,16 +143,16 @@ fn panel(
 /// The points with a label: the first run, the last one, and all that failed.
 fn labelled(points: &[Point]) -> Vec<usize> {
     let last = points.len().saturating_sub(1);
-    (0..points.len()).filter(|&k| k == 0 || k == last || points[k].place() == Place::Failed).collect()
+    (0..points.len()).filter(|&k| k == 0 || k == last || points[k].position() == Position::Failed).collect()
 }
 
 /// Pixel of a run. In a band, `sideways` from 0 to 1 keeps the methods apart.
 fn pixel(frame: &Frame, point: &Point, cost: &Cost, sideways: f64) -> Pixel {
     let (start, end) = frame.x().scale_ends();
-    let across = match point.place() {
-        Place::Zero => sideways * start,
-        Place::At(error) => frame.x().share(error).unwrap_or(start),
-        Place::Failed => end + sideways * (1.0 - end),
+    let across = match point.position() {
+        Position::Zero => sideways * start,
+        Position::At(error) => frame.x().share(error).unwrap_or(start),
+        Position::Failed => end + sideways * (1.0 - end),
     };
     // A run that failed before its first step has done no work, which a logarithmic axis cannot show.
     let up = frame.y().share((cost.of)(point)).unwrap_or(0.0);

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{short, window};
+use super::{box_of_centres, short};
 use crate::beds::measures::contacts::{Contact, contacts, coordination, fewest_that_hold};
 use crate::beds::measures::row::{Row, centres};
 use crate::beds::measures::structure;
@@ -61,13 +61,13 @@ const FEW: u64 = 7;
 impl Measured {
     /// Measures `state`, the last of the frames that were asked for. `rows` has the rows of the earlier ones.
     pub fn of(
-        record: &RunFile,
+        run_file: &RunFile,
         state: &State,
         region: &Region,
         words: &str,
         mut rows: Vec<Row>,
     ) -> Result<Self, Error> {
-        let scene = &record.scene;
+        let scene = &run_file.scene;
         let r = scene.particles.radius;
         let contacts = contacts(scene, state);
         let x = centres(state);
@@ -87,10 +87,10 @@ impl Measured {
             height_profile: structure::over_height(&spheres, region, r),
             wall_distances,
             wall_profiles,
-            radial_distribution: structure::radial_distribution(&x, r, window(record, region)),
+            radial_distribution: structure::radial_distribution(&x, r, box_of_centres(run_file, region)),
             contacts,
-            series: series(record)?,
-            trajectories: trajectories(record)?,
+            series: series(run_file)?,
+            trajectories: trajectories(run_file)?,
             radius: r,
         })
     }
@@ -183,33 +183,33 @@ fn described(region: &Region) -> String {
 }
 
 /// The quantities of the run over time.
-fn series(record: &RunFile) -> Result<Vec<Column>, Error> {
+fn series(run_file: &RunFile) -> Result<Vec<Column>, Error> {
     let reals = ["time", "kinetic_energy", "potential_energy", "bed_height", "largest_overlap", "step"];
     let counts = ["steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "pair_evaluations"];
     let mut columns = Vec::new();
     for name in reals {
-        columns.push(Column { name, values: record.series(name)? });
+        columns.push(Column { name, values: run_file.series(name)? });
     }
-    if record.scene.output.energy {
+    if run_file.scene.output.energy {
         for name in ["dissipated_rebound", "dissipated_friction"] {
-            columns.push(Column { name, values: record.series(name)? });
+            columns.push(Column { name, values: run_file.series(name)? });
         }
     }
     for name in counts {
-        let values = record.counts(name)?.into_iter().map(|count| count as f64).collect();
+        let values = run_file.counts(name)?.into_iter().map(|count| count as f64).collect();
         columns.push(Column { name, values });
     }
     Ok(columns)
 }
 
 /// Heights of the centres in every frame, m, by sphere. Empty if there are many spheres.
-fn trajectories(record: &RunFile) -> Result<Vec<Vec<f64>>, Error> {
-    if record.count > FEW {
+fn trajectories(run_file: &RunFile) -> Result<Vec<Vec<f64>>, Error> {
+    if run_file.count > FEW {
         return Ok(Vec::new());
     }
-    let mut heights = vec![Vec::new(); record.count as usize];
-    for k in 0..record.frames {
-        for (heights, x) in heights.iter_mut().zip(record.state(k)?.x) {
+    let mut heights = vec![Vec::new(); run_file.count as usize];
+    for k in 0..run_file.frames {
+        for (heights, x) in heights.iter_mut().zip(run_file.state(k)?.x) {
             heights.push(x[2]);
         }
     }

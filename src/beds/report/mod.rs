@@ -21,13 +21,13 @@ pub use measured::Measured;
 pub fn write(
     folder: &Path,
     run: &str,
-    record: &RunFile,
+    run_file: &RunFile,
     measured: &Measured,
     last: &State,
 ) -> Result<usize, Error> {
     let tables = tables::write(folder, measured)?;
     let figures = figures::draw(folder, run, measured)?;
-    page::write(folder, record, measured, last, &figures)?;
+    page::write(folder, run_file, measured, last, &figures)?;
     Ok(tables.len() + figures.len() + 1)
 }
 
@@ -37,6 +37,6 @@ fn short(value: f64) -> String {
 }
 
 /// The box in which the radial distribution is measured. It holds all positions that centres can have.
-fn window(record: &RunFile, region: &Region) -> (Vec3, Vec3) {
-    structure::room_of_centres(&record.scene, region)
+fn box_of_centres(run_file: &RunFile, region: &Region) -> (Vec3, Vec3) {
+    structure::room_of_centres(&run_file.scene, region)
 }

@@ -25,12 +25,12 @@ pre{background:#f6f6f6;padding:.8rem;overflow:auto;font-size:13px}";
 /// Writes the page into `folder`; returns its name.
 pub fn write(
     folder: &Path,
-    record: &RunFile,
+    run_file: &RunFile,
     measured: &Measured,
     state: &State,
     figures: &[Figure],
 ) -> Result<String, Error> {
-    let run = record.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let run = run_file.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
           <meta name=\"viewport\" content=\"width=device-width\">\n\
@@ -40,13 +40,13 @@ pub fn write(
          <div class=\"top\">\n",
         escaped(&run),
         measured.last().frame,
-        record.frames,
+        run_file.frames,
         measured.last().time,
-        record.count,
-        if record.completed { "" } else { "; the run is not complete" },
+        run_file.count,
+        if run_file.completed { "" } else { "; the run is not complete" },
         escaped(&measured.region_words),
     );
-    if let Some(svg) = picture(&record.scene, &centres(state)) {
+    if let Some(svg) = picture(&run_file.scene, &centres(state)) {
         let _ = writeln!(page, "{svg}");
     }
     let found = measured.findings();
@@ -63,11 +63,11 @@ pub fn write(
         );
     }
     page.push_str("</div>\n<h2>Run</h2>\n<div class=\"run\">\n");
-    page.push_str(&table(record.facts()?.into_iter().map(|(name, value)| (name, brief(value)))));
+    page.push_str(&table(run_file.facts()?.into_iter().map(|(name, value)| (name, brief(value)))));
     let _ = write!(
         page,
         "</div>\n<h2>Scene</h2>\n<pre>{}</pre>\n</body>\n</html>\n",
-        escaped(record.scene.resolved().trim())
+        escaped(run_file.scene.resolved().trim())
     );
     let path = folder.join("report.html");
     std::fs::write(&path, page).map_err(|why| cannot_write(&path, why))?;

@@ -70,25 +70,25 @@ pub fn overlap_warning(scene: &Scene, overlap: f64) -> Option<String> {
     })
 }
 
-/// Energy (J) that it takes to push two bodies `reach` (m) closer together than touching.
+/// Energy (J) that it takes to push two bodies `depth` (m) closer together than touching.
 ///
-/// With `reach` = r the centre of a sphere is in the plane of a wall. With `reach` = 2 r the centres of a
+/// With `depth` = r the centre of a sphere is in the plane of a wall. With `depth` = 2 r the centres of a
 /// pair coincide. The cut at l_max is neglected.
-fn barrier(scene: &Scene, kappa: f64, reach: f64) -> f64 {
-    scene.contact.repulsion_at_contact / kappa * (kappa * reach).exp()
+fn barrier(scene: &Scene, kappa: f64, depth: f64) -> f64 {
+    scene.contact.repulsion_at_contact / kappa * (kappa * depth).exp()
 }
 
 /// The least kappa (1/m) above the scene's for which the barrier is `energy` (J); three digits, rounded up.
-fn kappa_that_would_do(scene: &Scene, reach: f64, energy: f64) -> f64 {
-    // From kappa = 1/reach on, the barrier grows with kappa.
-    let mut low = scene.contact.stiffness_exponent.max(1.0 / reach);
+fn kappa_that_would_do(scene: &Scene, depth: f64, energy: f64) -> f64 {
+    // From kappa = 1/depth on, the barrier grows with kappa.
+    let mut low = scene.contact.stiffness_exponent.max(1.0 / depth);
     let mut high = low;
-    while barrier(scene, high, reach) < energy {
+    while barrier(scene, high, depth) < energy {
         (low, high) = (high, 2.0 * high);
     }
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if barrier(scene, middle, reach) < energy { low = middle } else { high = middle }
+        if barrier(scene, middle, depth) < energy { low = middle } else { high = middle }
     }
     let unit = 10f64.powf(high.log10().floor() - 2.0);
     (high / unit).ceil() * unit
@@ -162,15 +162,15 @@ fn pair_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
     let squared = falls.fold(square(&[range(0), range(1), range(2)]), f64::max);
     // The reduced mass is half the mass of a sphere.
     let energy = 0.25 * scene.particles.mass * squared;
-    let reach = 2.0 * scene.particles.radius;
-    let barrier = barrier(scene, scene.contact.stiffness_exponent, reach);
+    let depth = 2.0 * scene.particles.radius;
+    let barrier = barrier(scene, scene.contact.stiffness_exponent, depth);
     (barrier < energy).then(|| {
         format!(
             "warning: two particles can meet at {} m/s, with {energy:.3e} J, and the barrier (F_0/kappa) \
              e^(2 kappa r) of a pair is {barrier:.3e} J: they will pass through each other; \
              contact.stiffness_exponent = {} 1/m or more would do",
             short(squared.sqrt()),
-            short(kappa_that_would_do(scene, reach, energy))
+            short(kappa_that_would_do(scene, depth, energy))
         )
     })
 }
@@ -241,7 +241,7 @@ pub fn doubts(
     start: &InitialCondition,
     outcome: &Outcome,
     course: &FrameSummary,
-    watch: &Monitor,
+    monitor: &Monitor,
 ) -> Vec<String> {
     let mut doubts = Vec::new();
     let counts = &outcome.counts;
@@ -268,7 +268,7 @@ pub fn doubts(
         ));
     }
     doubts.extend(created_energy_warning(scene, start, course));
-    doubts.extend(watch.warnings(comm));
+    doubts.extend(monitor.warnings(comm));
     doubts
 }
 

@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn limits_are_rank_0_s_affair_and_the_stronger_wish_comes_first() {
+    fn limits_are_rank_0_s_affair_and_the_stronger_request_comes_first() {
         let folder = tempfile::tempdir().unwrap();
         let of = |sets: &[&str], rank| interrupts(sets, folder.path(), rank, 10.0).request();
         assert_eq!(of(&[], 0), StopRequest::Nothing);
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stop_file_is_seen_and_removed_when_it_is_granted() {
+    fn a_stop_file_is_noticed_and_removed_when_it_is_granted() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a.vtkhdf.stop");
         std::fs::write(&file, "").unwrap();

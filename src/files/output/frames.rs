@@ -322,11 +322,11 @@ impl Frames {
     }
 
     /// Writes the final attributes. Collective.
-    pub fn complete(&mut self, measures: &Measures, choice: &str) -> Result<()> {
+    pub fn complete(&mut self, measures: &Measures, method: &str) -> Result<()> {
         self.count_up(measures)?;
         // The text is known only now, and so is its length. It is a new attribute and may lengthen the file.
-        set_new_text(&self.run, "choice", choice)?;
-        self.flush(choice.len() as u64 + INDEX_BYTES)?;
+        set_new_text(&self.run, "choice", method)?;
+        self.flush(method.len() as u64 + INDEX_BYTES)?;
         set(&self.run, "completed", 1_i64)?;
         self.flush(0)
     }

@@ -6,7 +6,7 @@
 //! A reader never finds half a frame, even after a crash. First all data are written and flushed. Then the
 //! time and `NSteps` are written and flushed. Readers trust `NSteps` alone.
 //!
-//! docs/design.md lists all groups and arrays.
+//! docs/file-format.md lists all groups and arrays.
 
 mod collective;
 mod frames;
@@ -248,19 +248,19 @@ impl<'a> Output<'a> {
 
     /// Marks the run as completed and closes the file. Collective.
     ///
-    /// `choice` names the method that took the steps. `at_rest_by` is the key of `[stop]` that ended the run
+    /// `method` names the method that took the steps. `at_rest_by` is the key of `[stop]` that ended the run
     /// before `t_end`, if one did.
     pub fn finish(
         mut self,
         measures: &Measures,
-        choice: &str,
+        method: &str,
         at_rest_by: Option<&str>,
     ) -> Result<(), Error> {
         let measures = measures.agreed(self.comm);
-        let choice = agreed_text(self.comm, choice);
+        let method = agreed_text(self.comm, method);
         self.guarded(|frames| {
             at_rest_by.map_or(Ok(()), |by| frames.stopped(by))?;
-            frames.complete(&measures, &choice)
+            frames.complete(&measures, &method)
         })?;
         match self.frames.take() {
             Some(frames) => frames.close().map_err(|why| failure(&self.path, &why)),

@@ -53,7 +53,7 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
             match fs::metadata(folder) {
                 Ok(found) if found.is_dir() => {}
                 Ok(_) => {
-                    return refuse(format!("{} is not a folder; choose another place", folder.display()));
+                    return refuse(format!("{} is not a folder; choose another path", folder.display()));
                 }
                 Err(_) => {
                     return refuse(format!("there is no folder {}; create it first", folder.display()));
@@ -66,13 +66,13 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
                 ));
             }
         }
-        Err(why) => return refuse(format!("cannot be looked at ({why}); choose another place")),
+        Err(why) => return refuse(format!("cannot be looked at ({why}); choose another path")),
     }
     if let Some(free) = free_bytes(folder)
         && free.saturating_add(reclaimed) < estimated_bytes
     {
         return refuse(format!(
-            "the run needs about {}, but {} has {} free; free some space, choose another place or a larger \
+            "the run needs about {}, but {} has {} free; free some space, choose another path or a larger \
              output.interval",
             digits::bytes(estimated_bytes),
             folder.display(),
@@ -113,6 +113,6 @@ pub fn from_bytes(bytes: &[u8]) -> Result<PathBuf, String> {
     match bytes.split_first() {
         Some((b'+', path)) => Ok(PathBuf::from(OsStr::from_bytes(path))),
         Some((_, complaint)) => Err(String::from_utf8_lossy(complaint).into_owned()),
-        None => Err("output.file: rank 0 gave no verdict on the place".to_string()),
+        None => Err("output.file: rank 0 gave no answer about the path".to_string()),
     }
 }

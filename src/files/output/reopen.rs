@@ -1,6 +1,6 @@
 //! The output file of an earlier process: reads what it holds, and prepares it for more frames.
 //!
-//! One rank does this with the serial driver: the parallel one cannot shorten arrays (docs/design.md).
+//! One rank does this with the serial driver: the parallel one cannot shorten arrays (decision 032).
 
 use std::os::unix::fs::FileExt;
 use std::path::Path;

@@ -86,13 +86,13 @@ fn written(frames: u64, rotation: bool, scene: &str) -> (TempDir, File) {
     for k in 0..frames {
         append(&mut output, k, rotation);
     }
-    output.finish(&measures(frames), CHOICE, None).unwrap();
+    output.finish(&measures(frames), METHOD, None).unwrap();
     let file = File::open(path).unwrap();
     (folder, file)
 }
 
 /// Text about the method, which is written when the run is completed.
-const CHOICE: &str = "merson, for its ω";
+const METHOD: &str = "merson, for its ω";
 
 /// A finished file of `frames` frames, whose description `change` has modified.
 fn described(frames: u64, change: impl FnOnce(&mut RunInfo)) -> (TempDir, File) {
@@ -101,7 +101,7 @@ fn described(frames: u64, change: impl FnOnce(&mut RunInfo)) -> (TempDir, File) 
     change(&mut info);
     let mut output = Output::create(&Solo, &path, &info, COUNT, RADIUS, false, 0..COUNT).unwrap();
     (0..frames).for_each(|k| append(&mut output, k, false));
-    output.finish(&measures(frames), CHOICE, None).unwrap();
+    output.finish(&measures(frames), METHOD, None).unwrap();
     (folder, File::open(path).unwrap())
 }
 
@@ -315,7 +315,7 @@ fn a_run_goes_on_in_a_file_that_does_not_know_of_its_last_chunks() {
     super::prepare(&path, 912, &info("")).unwrap();
     let mut output = Output::open(&Solo, &path, false, COUNT, false, 912).unwrap();
     (912..1830).for_each(|k| append(&mut output, k, false));
-    output.finish(&measures(1830), CHOICE, None).unwrap();
+    output.finish(&measures(1830), METHOD, None).unwrap();
     let file = File::open(&path).unwrap();
     assert_eq!(frames_in(&file), 1830);
     let expected = |q| (0..1830).flat_map(|k| vectors(k, q).concat()).collect::<Vec<f64>>();
@@ -334,14 +334,14 @@ fn a_fixed_step_is_an_attribute_only_of_a_method_that_has_one() {
 }
 
 #[test]
-fn the_choice_of_the_method_is_told_when_the_run_is_completed() {
+fn the_method_that_took_the_steps_is_told_when_the_run_is_completed() {
     let (_folder, path) = path();
     let mut output = create(&path, false, "");
     append(&mut output, 0, false);
     drop(output);
     assert!(File::open(&path).unwrap().group("run").unwrap().attr("choice").is_err());
     let (_folder, file) = described(1, |_| ());
-    assert_eq!(run_text(&file, "choice"), CHOICE);
+    assert_eq!(run_text(&file, "choice"), METHOD);
 }
 
 #[test]
@@ -418,12 +418,12 @@ fn after_a_failed_write_the_file_is_not_touched_any_more() {
     let before = std::fs::read(&path).unwrap();
     let rows = Rows { first: 0, column: &|_| panic!("nothing is to be written") };
     assert!(output.append(&rows, &measures(1)).is_err());
-    assert_eq!(output.finish(&measures(1), CHOICE, None).unwrap_err().exit_code(), 4);
+    assert_eq!(output.finish(&measures(1), METHOD, None).unwrap_err().exit_code(), 4);
     assert_eq!(std::fs::read(&path).unwrap(), before);
 }
 
 #[test]
-fn good_place_is_answered_with_its_absolute_path_and_nothing_is_created() {
+fn good_path_is_answered_with_its_absolute_path_and_nothing_is_created() {
     let (_folder, path) = path();
     assert_eq!(Output::check_path(&Solo, &path, false, 1000).unwrap(), path);
     assert!(!path.exists());
@@ -443,7 +443,7 @@ fn existing_file_is_replaced_only_by_force() {
 }
 
 #[test]
-fn place_that_cannot_work_is_refused_with_what_would_be_right() {
+fn path_that_cannot_work_is_refused_with_what_would_be_right() {
     let (folder, path) = path();
     assert!(refusal(folder.path(), true, 0).contains("is a folder; name a file in it"));
     assert!(refusal(Path::new("results/"), true, 0).contains("names a folder"));
@@ -451,7 +451,7 @@ fn place_that_cannot_work_is_refused_with_what_would_be_right() {
     assert!(refusal(&folder.path().join("no/run.vtkhdf"), false, 0).contains("create it first"));
     assert!(refusal(Path::new("/dev/null"), true, 0).contains("not a regular file"));
     std::fs::write(&path, "").unwrap();
-    assert!(refusal(&path.join("run.vtkhdf"), false, 0).contains("choose another place"));
+    assert!(refusal(&path.join("run.vtkhdf"), false, 0).contains("choose another path"));
     let text = refusal(&path, true, 1 << 62);
     assert!(text.contains("the run needs about 4194304.0 TiB") && text.contains("output.interval"), "{text}");
 }

@@ -118,13 +118,13 @@ mod tests {
     use crate::domain::Solo;
     use crate::studies::accuracy::testing::scene;
 
-    const FARM: JobPool = JobPool { comm: &Solo, threads: 1, quiet: true };
+    const POOL: JobPool = JobPool { comm: &Solo, threads: 1, quiet: true };
 
     #[test]
     fn the_balance_of_a_lossy_scene_closes_with_the_tolerance() {
         let (scene, start) = scene();
         let solvers = [adaptive(MethodName::DormandPrince, 1e-3), adaptive(MethodName::DormandPrince, 1e-7)];
-        let (found, energies) = study(&FARM, &scene, (Some(1), &start), &solvers, 0.5);
+        let (found, energies) = study(&POOL, &scene, (Some(1), &start), &solvers, 0.5);
         let balance = |k: usize| found.records[k].measures[BALANCE];
         assert!(balance(1) < 1e-5 && balance(1) < balance(0), "{:?}", found.records);
         let names: Vec<&str> = energies.lines.iter().map(|line| line.name.as_str()).collect();
@@ -136,7 +136,7 @@ mod tests {
         let (mut scene, start) = scene();
         scene.contact.restitution = 1.0;
         let solvers = [adaptive(MethodName::DormandPrince, 1e-7)];
-        let (found, _) = study(&FARM, &scene, (None, &start), &solvers, 0.4);
+        let (found, _) = study(&POOL, &scene, (None, &start), &solvers, 0.4);
         assert!(found.records[0].measures[DRIFT] < 1e-4, "{:?}", found.records);
         assert!(found.notes[0].contains("nothing is lost"));
     }

@@ -191,14 +191,14 @@ pub fn still_from(statistics: &[Statistic], method: Stepper, r: f64) -> Option<f
 /// Whether the difference is too small to matter to a user, for spheres of radius `r` (m).
 fn same(paired: &Interval, measure: &str, r: f64) -> bool {
     // The smallest difference that matters, and the half-width above which an interval could hide one.
-    let (seen, blind) = match measure {
+    let (matters, undecided) = match measure {
         VOLUME_FRACTION => (0.004, 0.006),
         BED_HEIGHT => (0.02 * r, 0.04 * r),
         COORDINATION => (0.1, 0.15),
         _ => (0.05 * r, 0.1 * r),
     };
     let (mean, half) = (paired.mean.abs(), paired.half_width);
-    mean + half <= seen || (mean <= half && half <= blind)
+    mean + half <= matters || (mean <= half && half <= undecided)
 }
 
 #[cfg(test)]

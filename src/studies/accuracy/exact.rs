@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn an_overdamped_sphere_creeps_to_its_place_of_rest() {
+    fn an_overdamped_sphere_creeps_to_its_equilibrium() {
         // For e = 0 the damping ratio b psi g/(2 rho(0) sqrt(kappa g)) is 0.1279 psi, with b = (1 - e^2)/2.
         // The sphere turns if it is below 1.
         for (psi, turns) in [(7.5, true), (10.0, false), (100.0, false), (1e4, false)] {

@@ -189,7 +189,7 @@ fn sweep_panels(records: &[Record], statistics: &[Statistic]) -> Vec<Panel> {
             if low > 0.0 && high > 8.0 * low { Across::Logarithmic } else { Across::Linear }
         }
     };
-    let place = |variation: &Option<String>| {
+    let position = |variation: &Option<String>| {
         let at = names.iter().position(|name| Some(*name) == variation.as_deref())?;
         Some(numbers.as_ref().map_or(at as f64, |numbers| numbers[at]))
     };
@@ -204,7 +204,7 @@ fn sweep_panels(records: &[Record], statistics: &[Statistic]) -> Vec<Panel> {
     for measure in [REBOUND_TIME, LATER, RESTITUTION, BEYOND_E] {
         let mut groups = Vec::new();
         for record in records.iter().filter(|record| record.study == Study::Impact) {
-            let (Some(x), Some(&mean)) = (place(&record.variation), record.measures.get(measure)) else {
+            let (Some(x), Some(&mean)) = (position(&record.variation), record.measures.get(measure)) else {
                 continue;
             };
             // There is a single run without randomness, so the interval has no width.
@@ -215,7 +215,7 @@ fn sweep_panels(records: &[Record], statistics: &[Statistic]) -> Vec<Panel> {
     for measure in STATISTICS {
         let mut groups = Vec::new();
         for s in statistics.iter().filter(|s| s.measure == measure) {
-            let Some(x) = place(&s.variation) else { continue };
+            let Some(x) = position(&s.variation) else { continue };
             add(&mut groups, "bed", Bar { x, interval: s.interval });
         }
         panels.push(panel(measure, groups));

@@ -51,7 +51,7 @@ pub fn when(
         None => format!("have not parted 1000-fold up to t = {last:.4} s, where the search ended"),
     };
     let early = failure.map(|why| format!(" (the reference ended early: {why})")).unwrap_or_default();
-    let choice = match (wanted, decorrelation_time) {
+    let caution = match (wanted, decorrelation_time) {
         (Some(_), Some(parted)) if time >= parted => {
             "; the time asked for is later, so that differences of states say little about the solver"
         }
@@ -59,7 +59,7 @@ pub fn when(
     };
     let note = format!(
         "state: the reference and a twin shifted by 1e-9 radii {parting}{early}; states are compared \
-         at t = {time:.4} s{choice}"
+         at t = {time:.4} s{caution}"
     );
     When { time, decorrelation_time, separation, note }
 }

@@ -32,8 +32,8 @@ pub fn load(request: &Request, comm: &dyn Comm) -> Result<Vec<Variant>, Error> {
     check_names(request)?;
     let mut variants = Vec::new();
     for path in &request.scenes {
-        for choice in choices(request, path) {
-            variants.push(variant(request, path, &choice, comm)?);
+        for combination in combinations(request, path) {
+            variants.push(variant(request, path, &combination, comm)?);
         }
     }
     Ok(variants)
@@ -80,11 +80,14 @@ fn check_names(request: &Request) -> Result<(), Error> {
 }
 
 /// Every combination of the values that vary in the scene at `path`. The last key varies fastest.
-fn choices<'a>(request: &'a Request, path: &Path) -> Vec<Vec<(&'a Vary, &'a str)>> {
+fn combinations<'a>(request: &'a Request, path: &Path) -> Vec<Vec<(&'a Vary, &'a str)>> {
     let mut all: Vec<Vec<(&Vary, &str)>> = vec![Vec::new()];
     for vary in request.vary.iter().filter(|vary| means(vary, path)) {
-        let longer = |choice: &Vec<(&'a Vary, &'a str)>| -> Vec<Vec<(&'a Vary, &'a str)>> {
-            vary.values.iter().map(|value| [choice.clone(), vec![(vary, value.as_str())]].concat()).collect()
+        let longer = |combination: &Vec<(&'a Vary, &'a str)>| -> Vec<Vec<(&'a Vary, &'a str)>> {
+            vary.values
+                .iter()
+                .map(|value| [combination.clone(), vec![(vary, value.as_str())]].concat())
+                .collect()
         };
         all = all.iter().flat_map(longer).collect();
     }
@@ -95,10 +98,10 @@ fn choices<'a>(request: &'a Request, path: &Path) -> Vec<Vec<(&'a Vary, &'a str)
 fn variant(
     request: &Request,
     path: &Path,
-    choice: &[(&Vary, &str)],
+    combination: &[(&Vary, &str)],
     comm: &dyn Comm,
 ) -> Result<Variant, Error> {
-    let sets: Vec<String> = choice.iter().map(|(vary, value)| format!("{}={value}", vary.key)).collect();
+    let sets: Vec<String> = combination.iter().map(|(vary, value)| format!("{}={value}", vary.key)).collect();
     let all: Vec<String> = request.set.iter().chain(&sets).cloned().collect();
     let (scene, _) = load_scene(path, &all, comm).map_err(|why| explained(request, &sets, why))?;
     let Some(grid) = scene.particles.grid.clone() else {
@@ -108,7 +111,7 @@ fn variant(
             path.display()
         )));
     };
-    let words = choice.iter().map(|(vary, value)| (vary.key.as_str(), value.to_string()));
+    let words = combination.iter().map(|(vary, value)| (vary.key.as_str(), value.to_string()));
     let variant = Variant { name: name(&stem(path), words), scene, grid };
     for &seed in &request.seeds.0 {
         initial_condition::check(

@@ -55,19 +55,19 @@ pub fn find(files: &[PathBuf], comm: &dyn Comm) -> Result<Vec<Family>, Error> {
 }
 
 fn look(file: &Path) -> Result<Found, Error> {
-    let record = RunFile::open(file)?;
-    let mut scene = record.scene.clone();
+    let run_file = RunFile::open(file)?;
+    let mut scene = run_file.scene.clone();
     let Some(seed) = scene.particles.grid.as_mut().and_then(|grid| grid.seed.replace(0)) else {
-        return Err(record.unreadable("its particles came from a file; an ensemble needs runs with a seed"));
+        return Err(run_file.unreadable("its particles came from a file; an ensemble needs runs with a seed"));
     };
     (scene.output.file, scene.output.energy) = (Some("run.vtkhdf".into()), false);
     (scene.checkpoint, scene.limits) = (None, None);
-    let incomplete = match record.completed {
+    let incomplete = match run_file.completed {
         true => None,
         false => Some(format!(
             "{} is not complete: it ends at t = {} s of {} s; demhybrid --resume goes on with it",
             file.display(),
-            record.series("time")?.last().copied().unwrap_or(0.0),
+            run_file.series("time")?.last().copied().unwrap_or(0.0),
             scene.t_end
         )),
     };
@@ -160,7 +160,7 @@ fn measured(found: &Found, plan: &Plan) -> Sample {
     if let Some(why) = &found.incomplete {
         return failed(why.clone());
     }
-    let sample = RunFile::open(&found.file).and_then(|record| recorded(&record, plan));
+    let sample = RunFile::open(&found.file).and_then(|run_file| recorded(&run_file, plan));
     sample.unwrap_or_else(|why| failed(why.to_string()))
 }
 

@@ -1,6 +1,6 @@
 //! The measures of a run, at its end and over time.
 
-use crate::beds::measures::region::RegionChoice;
+use crate::beds::measures::region::RegionRequest;
 use crate::beds::measures::row::{Row, centres};
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
@@ -92,7 +92,7 @@ pub struct Plan {
     /// About how many times an evolution has; 0: only the end is measured.
     pub times: u64,
     /// Region in which volumes are measured, chosen from the frame at the end of the run.
-    pub region: RegionChoice,
+    pub region: RegionRequest,
 }
 
 impl Plan {
@@ -194,26 +194,26 @@ fn state(number: u64, frame: &FrameData) -> State {
     State { frame: number, time: frame.time, x: list(&frame.x), v: list(&frame.v), omega: None }
 }
 
-/// Measures the run in the run file `record`.
-pub fn recorded(record: &RunFile, plan: &Plan) -> Result<Sample, Error> {
-    let (kinetic, potential) = (record.series("kinetic_energy")?, record.series("potential_energy")?);
-    let overlaps = record.series("largest_overlap")?;
-    let stride = plan.stride(&record.scene);
+/// Measures the run in `run_file`.
+pub fn recorded(run_file: &RunFile, plan: &Plan) -> Result<Sample, Error> {
+    let (kinetic, potential) = (run_file.series("kinetic_energy")?, run_file.series("potential_energy")?);
+    let overlaps = run_file.series("largest_overlap")?;
+    let stride = plan.stride(&run_file.scene);
     let mut held = Vec::new();
     let mut overlap = 0.0f64;
-    for (k, largest) in (0..record.frames).zip(overlaps) {
+    for (k, largest) in (0..run_file.frames).zip(overlaps) {
         overlap = overlap.max(largest);
-        if k + 1 == record.frames || stride.is_some_and(|stride| k % stride == 0) {
+        if k + 1 == run_file.frames || stride.is_some_and(|stride| k % stride == 0) {
             let [kinetic_energy, potential_energy] = [&kinetic, &potential].map(|list| list[k as usize]);
-            held.push(Held { state: record.state(k)?, kinetic_energy, potential_energy, overlap });
+            held.push(Held { state: run_file.state(k)?, kinetic_energy, potential_energy, overlap });
         }
     }
-    let facts = record.facts()?;
+    let facts = run_file.facts()?;
     let count = |name: &str| {
         let fact = facts.iter().find(|(fact, _)| fact == name).and_then(|(_, value)| value.parse().ok());
-        fact.ok_or_else(|| record.unreadable(&format!("/run records no {name}")))
+        fact.ok_or_else(|| run_file.unreadable(&format!("/run records no {name}")))
     };
-    let pairs = record.counts("pair_evaluations")?.last().copied().unwrap_or(0);
+    let pairs = run_file.counts("pair_evaluations")?.last().copied().unwrap_or(0);
     let work = Work {
         rhs_evaluations: count("rhs_evaluations")?,
         pair_evaluations: pairs.max(0) as u64,
@@ -221,7 +221,7 @@ pub fn recorded(record: &RunFile, plan: &Plan) -> Result<Sample, Error> {
         steps_rejected: count("steps_rejected")?,
         core_seconds: 0.0,
     };
-    Ok(Sample { work, failure: None, numbers: numbers(&record.scene, plan, &held) })
+    Ok(Sample { work, failure: None, numbers: numbers(&run_file.scene, plan, &held) })
 }
 
 #[cfg(test)]
@@ -230,7 +230,7 @@ mod tests {
     use crate::studies::ensemble::testing::scene;
 
     fn plan(times: u64) -> Plan {
-        Plan { times, region: RegionChoice::default() }
+        Plan { times, region: RegionRequest::default() }
     }
 
     #[test]

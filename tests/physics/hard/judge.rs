@@ -61,18 +61,18 @@ pub fn run_scene(scene: &Scene, start: &InitialCondition, comm: &dyn Comm) -> Ta
         Ok(simulation) => simulation,
         Err(why) => return Tale { result: Err(why), ..tale },
     };
-    let mut watch = Monitor::new(scene, start);
+    let mut monitor = Monitor::new(scene, start);
     let result = simulation.run(&mut |frame: &Frame| {
         if frame.time == 0.0 {
             tale.warnings.extend(report::overlap_warning(scene, frame.largest_overlap));
         }
         tale.course.follow(frame);
-        watch.follow(frame);
+        monitor.follow(frame);
         tale.look(frame, start, comm);
         Ok(())
     });
     tale.result = result.map(|outcome| {
-        tale.warnings.extend(report::doubts(comm, scene, start, &outcome, &tale.course, &watch));
+        tale.warnings.extend(report::doubts(comm, scene, start, &outcome, &tale.course, &monitor));
         tale.overlap = outcome.largest_overlap;
         outcome.counts
     });

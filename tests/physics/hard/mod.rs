@@ -1,6 +1,6 @@
 //! The hard cases: every scene of tests/scenes/hard states in its first lines what could break and the one
 //! outcome that is right. Here each runs with every method on one rank, and with the default method on three.
-//! docs/hard-cases.md has what was measured (`cargo test --test hard -- --nocapture` prints it).
+//! docs/hard-cases.md has what was measured (`cargo test --test physics hard:: -- --nocapture` prints it).
 
 mod judge;
 mod methods;

@@ -84,7 +84,7 @@ impl Corpus {
     }
 }
 
-/// A change of a text. Places are shares of its length, in 1/65536.
+/// A change of a text. Positions are shares of its length, in 1/65536.
 #[derive(Debug, Clone)]
 pub enum Edit {
     Byte(u16, u8),
@@ -95,7 +95,7 @@ pub enum Edit {
     DeleteLine(u16),
     RepeatLine(u16, u8),
     MoveLine(u16, u16),
-    /// The number nearest to the place becomes another one.
+    /// The number nearest to the position becomes another one.
     Number(u16, String),
     /// A piece comes many times.
     Stutter(u16, u8, u16),
@@ -155,21 +155,21 @@ pub fn particle_files(corpus: &Corpus) -> impl Strategy<Value = Mutation> + use<
 /// Bytes that mutations may grow a text to.
 const LARGEST: usize = 1 << 20;
 
-fn place(text: &[u8], share: u16) -> usize {
+fn position_at(text: &[u8], share: u16) -> usize {
     text.len() * usize::from(share) / (1 << 16)
 }
 
-/// The line around a place, with its end.
+/// The line around a position, with its end.
 fn line(text: &[u8], share: u16) -> std::ops::Range<usize> {
-    let at = place(text, share);
+    let at = position_at(text, share);
     let start = text[..at].iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
     let end = text[at..].iter().position(|&byte| byte == b'\n').map_or(text.len(), |end| at + end + 1);
     start..end
 }
 
-/// The first number from a place on, if any.
+/// The first number from a position on, if any.
 fn number_at(text: &[u8], share: u16) -> Option<std::ops::Range<usize>> {
-    let at = place(text, share);
+    let at = position_at(text, share);
     let part = |byte: &u8| byte.is_ascii_digit() || b"+-.".contains(byte);
     let start = at + text[at..].iter().position(part)?;
     let end = start
@@ -183,25 +183,25 @@ pub fn edited(corpus: &Corpus, mutation: &Mutation) -> Vec<u8> {
     for edit in &mutation.edits {
         match edit {
             Edit::Byte(at, byte) => {
-                let at = place(&text, *at);
+                let at = position_at(&text, *at);
                 if let Some(old) = text.get_mut(at) {
                     *old = *byte;
                 }
             }
             Edit::Insert(at, bytes) => {
-                let at = place(&text, *at);
+                let at = position_at(&text, *at);
                 text.splice(at..at, bytes.iter().copied());
             }
             Edit::Word(at, word) => {
-                let at = place(&text, *at);
+                let at = position_at(&text, *at);
                 text.splice(at..at, word.bytes());
             }
             Edit::Delete(at, length) => {
-                let at = place(&text, *at);
+                let at = position_at(&text, *at);
                 let end = text.len().min(at + usize::from(*length));
                 text.drain(at..end);
             }
-            Edit::Truncate(at) => text.truncate(place(&text, *at)),
+            Edit::Truncate(at) => text.truncate(position_at(&text, *at)),
             Edit::DeleteLine(at) => drop(text.drain(line(&text, *at))),
             Edit::RepeatLine(at, times) => {
                 let line = line(&text, *at);
@@ -221,7 +221,7 @@ pub fn edited(corpus: &Corpus, mutation: &Mutation) -> Vec<u8> {
                 }
             }
             Edit::Stutter(at, length, times) => {
-                let at = place(&text, *at);
+                let at = position_at(&text, *at);
                 let end = text.len().min(at + usize::from(*length));
                 let more = text[at..end].repeat(usize::from(*times));
                 if text.len() + more.len() <= LARGEST {
@@ -230,8 +230,8 @@ pub fn edited(corpus: &Corpus, mutation: &Mutation) -> Vec<u8> {
             }
             Edit::Splice(at, file) => {
                 let other = &corpus.files[usize::from(*file) % corpus.files.len()];
-                text.truncate(place(&text, *at));
-                text.extend_from_slice(&other[place(other, *at)..]);
+                text.truncate(position_at(&text, *at));
+                text.extend_from_slice(&other[position_at(other, *at)..]);
             }
         }
     }

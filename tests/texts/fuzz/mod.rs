@@ -33,7 +33,7 @@ fn variable(name: &str) -> Option<u64> {
 }
 
 /// Ends the process where a case does not end: nothing else can stop it.
-fn watch(name: &str, case: &Mutex<String>, beats: &Receiver<()>) {
+fn watchdog(name: &str, case: &Mutex<String>, beats: &Receiver<()>) {
     loop {
         match beats.recv_timeout(HANG) {
             Ok(()) => {}
@@ -59,9 +59,9 @@ fn campaign<S: Strategy>(
     let (tally, slowest) = (Cell::new(Tally::default()), RefCell::new((Duration::ZERO, String::new())));
     let (beat, beats) = channel();
     let case = Arc::new(Mutex::new(String::new()));
-    let watcher = {
+    let watchdog = {
         let (name, case) = (name.to_owned(), case.clone());
-        std::thread::spawn(move || watch(&name, &case, &beats))
+        std::thread::spawn(move || watchdog(&name, &case, &beats))
     };
     let enough = |seed: u64| match seconds {
         Some(seconds) => started.elapsed() >= Duration::from_secs(seconds),
@@ -76,14 +76,14 @@ fn campaign<S: Strategy>(
         let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes));
         let outcome = runner.run(strategy, |value| {
             let described = format!("FUZZ_SEED={seed} {value:?}");
-            case.lock().expect("the watcher does not panic").clone_from(&described);
+            case.lock().expect("the watchdog does not panic").clone_from(&described);
             let clock = Instant::now();
             let found = judge(&value);
             let took = clock.elapsed();
             if took > slowest.borrow().0 {
                 slowest.replace((took, described));
             }
-            beat.send(()).expect("the watcher lives as long as there are cases");
+            beat.send(()).expect("the watchdog lives as long as there are cases");
             tally.set(tally.get() + found.map_err(TestCaseError::fail)?);
             Ok(())
         });
@@ -93,7 +93,7 @@ fn campaign<S: Strategy>(
         seed += 1;
     }
     drop(beat);
-    watcher.join().expect("the watcher ends with the campaign");
+    watchdog.join().expect("the watchdog ends with the campaign");
     let (took, slow) = slowest.into_inner();
     let Tally { cases, accepted, refused, advanced, failed } = tally.get();
     // Not println: the test runner would hide it.
