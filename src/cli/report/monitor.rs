@@ -119,7 +119,7 @@ mod tests {
     use super::*;
     use crate::domain::comm::team::team;
 
-    fn watch(container: &str, gravity: &str) -> Monitor {
+    fn monitor(container: &str, gravity: &str) -> Monitor {
         let text = "t_end = 1
             particles = { radius = 0.1, file = 'a.csv' }
             contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
@@ -132,15 +132,15 @@ mod tests {
         )
     }
 
-    fn left(watch: &Monitor, x: [f64; 3], v: [f64; 3]) -> bool {
+    fn left(monitor: &Monitor, x: [f64; 3], v: [f64; 3]) -> bool {
         let x = Vec3::from(x);
-        let depth = watch.walls.iter().map(|wall| wall.depth(&x)).fold(f64::INFINITY, f64::min);
-        watch.has_left(&x, &v.into(), depth)
+        let depth = monitor.walls.iter().map(|wall| wall.depth(&x)).fold(f64::INFINITY, f64::min);
+        monitor.has_left(&x, &v.into(), depth)
     }
 
     #[test]
     fn a_way_out_is_where_no_wall_stands_and_gravity_does_not_pull_back() {
-        let exits = |container, gravity| watch(container, gravity).exits.len();
+        let exits = |container, gravity| monitor(container, gravity).exits.len();
         let chimney = "{ min = [0, 0, 0], max = [1, 1, inf] }";
         assert_eq!(exits(chimney, "[0, 0, -9.81]"), 0);
         assert_eq!(exits(chimney, "[0, 0, 0]"), 1);
@@ -154,7 +154,7 @@ mod tests {
     #[test]
     fn a_particle_has_left_when_it_is_further_out_than_anything_started_and_moves_on() {
         // The furthest start is at 0.8 m. A diameter and l_max more make 1.1 m.
-        let chimney = watch("{ min = [0, 0, 0], max = [1, 1, inf] }", "[0, 0, 0]");
+        let chimney = monitor("{ min = [0, 0, 0], max = [1, 1, inf] }", "[0, 0, 0]");
         assert!(left(&chimney, [0.5, 0.5, 1.11], [0.0, 0.0, 1.0]));
         assert!(!left(&chimney, [0.5, 0.5, 1.09], [0.0, 0.0, 1.0]));
         assert!(!left(&chimney, [0.5, 0.5, 1.11], [0.0, 0.0, -1.0]));
@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn all_ranks_say_the_same_and_name_the_particle_that_was_furthest() {
-        let chimney = watch("{ min = [0, 0, 0], max = [1, 1, inf] }", "[0, 0, 0]");
+        let chimney = monitor("{ min = [0, 0, 0], max = [1, 1, inf] }", "[0, 0, 0]");
         team(3, |comm| {
             let mut own = chimney.clone();
             own.furthest = [(-0.5, 3), (0.02, 17), (0.01, 21)][comm.rank()];

@@ -175,7 +175,7 @@ impl Execution<'_> {
             progress: Progress::new(comm.rank(), scene.t_end, args.quiet, args.verbose),
             measures: None,
             course,
-            watch: Monitor::new(scene, self.start),
+            monitor: Monitor::new(scene, self.start),
             kept: frames,
             next,
             written: 0,
@@ -188,7 +188,7 @@ impl Execution<'_> {
         let outcome = outcome?;
         let transfer = recorder.output.transfer_report().to_string();
         let wall_seconds = recorder.wall_seconds();
-        let Recorder { output, measures, course, watch, written, .. } = recorder;
+        let Recorder { output, measures, course, monitor, written, .. } = recorder;
         match (outcome.stopped, measures) {
             (Some(request), _) => {
                 interrupts.granted(request);
@@ -202,7 +202,7 @@ impl Execution<'_> {
             (None, None) => {}
         }
         let written = format!("{}: {written} frames, {transfer}", self.file.display());
-        self.tell(&outcome, &course, &watch, &written);
+        self.tell(&outcome, &course, &monitor, &written);
         match outcome.stopped {
             Some(request) => {
                 Err(Error::Stopped { request, t: outcome.time, file: self.file.display().to_string() })
@@ -214,10 +214,10 @@ impl Execution<'_> {
 
 impl Execution<'_> {
     /// Prints the closing summary and the warnings of doubtful results. Collective.
-    fn tell(&self, outcome: &Outcome, course: &FrameSummary, watch: &Monitor, written: &str) {
+    fn tell(&self, outcome: &Outcome, course: &FrameSummary, monitor: &Monitor, written: &str) {
         let Ground { comm, threads, .. } = *self.ground;
         let text = report::summary(comm, self.name, self.scene, outcome, course, threads, written);
-        let doubts = report::doubts(comm, self.scene, self.start, outcome, course, watch);
+        let doubts = report::doubts(comm, self.scene, self.start, outcome, course, monitor);
         if comm.rank() == 0 {
             launch::print(&text);
             doubts.iter().for_each(|doubt| launch::say(doubt));
@@ -236,7 +236,7 @@ struct Recorder<'a> {
     progress: Progress,
     measures: Option<Measures>,
     course: FrameSummary,
-    watch: Monitor,
+    monitor: Monitor,
     /// Number of frames that the file had at the beginning.
     kept: u64,
     /// Number of the next frame.
@@ -306,7 +306,7 @@ impl Observer for Recorder<'_> {
         self.measures = Some(measures);
         self.next += 1;
         self.course.follow(frame);
-        self.watch.follow(frame);
+        self.monitor.follow(frame);
         self.progress.frame(frame);
         Ok(())
     }
