@@ -2,14 +2,14 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, RangedU64ValueParser};
+use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 
 use super::RegionArgs;
 use crate::beds::folder::{prepare, stem};
 use crate::domain::agreement::{share, write_on_rank_0};
 use crate::domain::{Comm, launch};
 use crate::error::Error;
-use crate::studies::ensemble::{self, Case, MEASURES, Plan, Request, Seeds, Vary, gather};
+use crate::studies::ensemble::{self, Case, MEASURES, MeasureId, Plan, Request, Seeds, Vary, gather};
 use crate::studies::job_pool::JobPool;
 
 /// Run scenes from many initial states, and show means, ranges and 95 % intervals of the beds
@@ -56,8 +56,8 @@ pub struct EnsembleArgs {
     /// Measures in the table and the figures [default: volume_fraction,paper_count_in_unit_cube,bed_height,
     /// mean_coordination,rattlers,largest_overlap_of_run]
     #[arg(long, value_name = "NAMES", value_delimiter = ',', hide_possible_values = true)]
-    #[arg(value_parser = PossibleValuesParser::new(MEASURES.iter().map(|measure| measure.name)))]
-    pub measures: Vec<String>,
+    #[arg(value_parser = measure_parser())]
+    pub measures: Vec<MeasureId>,
 
     /// Measure at about this many times during a run; 0: at the end only
     ///
@@ -84,6 +84,11 @@ pub struct EnsembleArgs {
     /// Show no progress, only warnings and errors
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+fn measure_parser() -> impl TypedValueParser<Value = MeasureId> {
+    PossibleValuesParser::new(MEASURES.iter().map(|measure| measure.name))
+        .map(|name| MeasureId::of_name(&name).expect("no other name passes"))
 }
 
 impl EnsembleArgs {

@@ -6,6 +6,7 @@ use std::str::FromStr;
 use hdf5::types::{TypeDescriptor, VarLenUnicode};
 
 use crate::error::Error;
+use crate::files::names::Series;
 use crate::files::output::{self, Found};
 use crate::scene::Scene;
 
@@ -104,7 +105,7 @@ impl RunFile {
     /// The state of all particles in frame `k`, which must be complete.
     pub fn state(&self, k: u64) -> Result<State, Error> {
         let state = output::frame(&self.file, k, self.count).map_err(|why| self.unreadable(&why))?;
-        let time = self.series("time")?.get(k as usize).copied();
+        let time = self.series(Series::Time)?.get(k as usize).copied();
         let time = time.ok_or_else(|| self.unreadable(&format!("frame {k} has no time")))?;
         Ok(State {
             frame: k,
@@ -115,14 +116,17 @@ impl RunFile {
         })
     }
 
-    /// A column of `/run/series` with real numbers: one row per complete frame.
-    pub fn series(&self, name: &str) -> Result<Vec<f64>, Error> {
-        self.column(name)
+    /// A column of `/run/series`: one row per complete frame. Counts become real numbers.
+    pub fn series(&self, series: Series) -> Result<Vec<f64>, Error> {
+        match series.is_count() {
+            true => Ok(self.counts(series)?.into_iter().map(|count| count as f64).collect()),
+            false => self.column(series),
+        }
     }
 
-    /// A column of `/run/series` with counts: one row per complete frame.
-    pub fn counts(&self, name: &str) -> Result<Vec<i64>, Error> {
-        self.column(name)
+    /// A column of `/run/series` that holds counts: one row per complete frame.
+    pub fn counts(&self, series: Series) -> Result<Vec<i64>, Error> {
+        self.column(series)
     }
 
     /// The attributes of `/run` except the scene, as names and values. Real numbers are in SI units.
@@ -144,11 +148,11 @@ impl RunFile {
         read().map_err(|why| self.unreadable(&format!("what /run records cannot be read: {why}")))
     }
 
-    fn column<T: hdf5::types::H5Type>(&self, name: &str) -> Result<Vec<T>, Error> {
+    fn column<T: hdf5::types::H5Type>(&self, series: Series) -> Result<Vec<T>, Error> {
         let column =
-            self.file.dataset(&format!("run/series/{name}")).and_then(|column| column.read_raw::<T>());
+            self.file.dataset(&format!("run/series/{series}")).and_then(|column| column.read_raw::<T>());
         let mut column =
-            column.map_err(|why| self.unreadable(&format!("its series {name} cannot be read: {why}")))?;
+            column.map_err(|why| self.unreadable(&format!("its series {series} cannot be read: {why}")))?;
         // A run that was killed may have written one row too many.
         column.truncate(self.frames as usize);
         Ok(column)

@@ -7,6 +7,7 @@ use crate::beds::measures::contacts::Partner;
 use crate::beds::measures::row::Row;
 use crate::beds::plot::{Line, series};
 use crate::error::Error;
+use crate::files::names::Series;
 
 /// Number of bins in a distribution.
 const BINS: usize = 30;
@@ -22,13 +23,13 @@ pub struct Figure {
 /// Draws all figures that have data.
 pub fn draw(folder: &Path, run: &str, measured: &Measured) -> Result<Vec<Figure>, Error> {
     let mut drawn = Vec::new();
-    let time = measured.column("time").unwrap_or_default();
+    let time = measured.column(Series::Time).unwrap_or_default();
     let over_time = |name: &str, values: &[f64]| Line {
         name: name.to_owned(),
         points: time.iter().copied().zip(values.iter().copied()).collect(),
     };
-    let of = |shown: &[(&str, &str)]| -> Vec<Line> {
-        let line = |&(column, name): &(&str, &str)| Some(over_time(name, measured.column(column)?));
+    let of = |shown: &[(Series, &str)]| -> Vec<Line> {
+        let line = |&(series, name): &(Series, &str)| Some(over_time(name, measured.column(series)?));
         shown.iter().filter_map(line).collect()
     };
     let mut figure = |file: &str, caption: &'static str, [x, y]: [&str; 2], log: bool, lines: Vec<Line>| {
@@ -117,18 +118,21 @@ pub fn draw(folder: &Path, run: &str, measured: &Measured) -> Result<Vec<Figure>
     let labels = ["time (s)", "height of the centre (m)"];
     figure("trajectories.svg", "heights of the spheres (Fig. 4.1)", labels, false, heights)?;
     let energies = of(&[
-        ("kinetic_energy", "kinetic"),
-        ("potential_energy", "potential"),
-        ("dissipated_rebound", "dissipated by rebound"),
-        ("dissipated_friction", "dissipated by friction"),
+        (Series::KineticEnergy, "kinetic"),
+        (Series::PotentialEnergy, "potential"),
+        (Series::DissipatedRebound, "dissipated by rebound"),
+        (Series::DissipatedFriction, "dissipated by friction"),
     ]);
     figure("energies.svg", "energies", ["time (s)", "energy (J)"], false, energies)?;
     let labels = ["time (s)", "highest point of any sphere (m)"];
-    figure("bed-height.svg", "bed height", labels, false, of(&[("bed_height", "bed height")]))?;
-    let steps =
-        of(&[("steps_accepted", "accepted"), ("steps_rejected", "rejected"), ("steps_outrun", "outrun")]);
+    figure("bed-height.svg", "bed height", labels, false, of(&[(Series::BedHeight, "bed height")]))?;
+    let steps = of(&[
+        (Series::StepsAccepted, "accepted"),
+        (Series::StepsRejected, "rejected"),
+        (Series::StepsOutrun, "outrun"),
+    ]);
     figure("steps.svg", "steps so far (Fig. 4.4)", ["time (s)", "steps"], false, steps)?;
-    let size = of(&[("step", "step")]);
+    let size = of(&[(Series::Step, "step")]);
     figure("step.svg", "size of the step at every frame", ["time (s)", "step (s)"], true, size)?;
     Ok(drawn)
 }

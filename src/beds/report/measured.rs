@@ -8,13 +8,14 @@ use crate::beds::measures::row::{Row, centres};
 use crate::beds::measures::structure;
 use crate::beds::measures::union::{Region, Spheres};
 use crate::error::Error;
+use crate::files::names::Series;
 use crate::files::run_file::{RunFile, State};
 
 /// A quantity of the run over time.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone)]
 pub struct Column {
-    /// Name in `/run/series`.
-    pub name: &'static str,
+    /// The column of `/run/series`.
+    pub series: Series,
     /// One value for each frame, SI units.
     pub values: Vec<f64>,
 }
@@ -100,9 +101,9 @@ impl Measured {
         &self.rows[self.rows.len() - 1]
     }
 
-    /// The values of a quantity over time, by its name.
-    pub fn column(&self, name: &str) -> Option<&[f64]> {
-        self.series.iter().find(|column| column.name == name).map(|column| &column.values[..])
+    /// The values of a quantity over time.
+    pub fn column(&self, series: Series) -> Option<&[f64]> {
+        self.series.iter().find(|column| column.series == series).map(|column| &column.values[..])
     }
 
     /// The highest point of the radial distribution function: its distance (m) and its value.
@@ -184,22 +185,13 @@ fn described(region: &Region) -> String {
 
 /// The quantities of the run over time.
 fn series(run_file: &RunFile) -> Result<Vec<Column>, Error> {
-    let reals = ["time", "kinetic_energy", "potential_energy", "bed_height", "largest_overlap", "step"];
-    let counts = ["steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "pair_evaluations"];
-    let mut columns = Vec::new();
-    for name in reals {
-        columns.push(Column { name, values: run_file.series(name)? });
-    }
+    use Series::*;
+    let mut shown = vec![Time, KineticEnergy, PotentialEnergy, BedHeight, LargestOverlap, Step];
     if run_file.scene.output.energy {
-        for name in ["dissipated_rebound", "dissipated_friction"] {
-            columns.push(Column { name, values: run_file.series(name)? });
-        }
+        shown.extend([DissipatedRebound, DissipatedFriction]);
     }
-    for name in counts {
-        let values = run_file.counts(name)?.into_iter().map(|count| count as f64).collect();
-        columns.push(Column { name, values });
-    }
-    Ok(columns)
+    shown.extend([StepsAccepted, StepsRejected, StepsOutrun, RhsEvaluations, PairEvaluations]);
+    shown.into_iter().map(|series| Ok(Column { series, values: run_file.series(series)? })).collect()
 }
 
 /// Heights of the centres in every frame, m, by sphere. Empty if there are many spheres.

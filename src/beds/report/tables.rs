@@ -60,7 +60,7 @@ pub fn write(folder: &Path, measured: &Measured) -> Result<Vec<String>, Error> {
         &["sphere", "other_sphere", "wall", "overlap", "normal_force"],
         contacts.collect(),
     )?;
-    let head: Vec<&str> = measured.series.iter().map(|column| column.name).collect();
+    let head: Vec<&str> = measured.series.iter().map(|column| column.series.name()).collect();
     let frames = measured.series.iter().map(|column| column.values.len()).min().unwrap_or(0);
     let rows = (0..frames).map(|k| measured.series.iter().map(|column| number(column.values[k])).collect());
     table("series.csv", &head, rows.collect())?;

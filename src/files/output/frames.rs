@@ -13,6 +13,7 @@ use hdf5::{Dataset, Extent, File, FileBuilder, Group, Location, Result};
 use super::collective::{Row, Transfer};
 use super::{Measures, Quantity, Rows, RunInfo, mpio};
 use crate::domain::comm::Comm;
+use crate::files::names::Series;
 use crate::ode::Limit;
 
 /// Rows in a chunk of the small arrays, which have one row per frame.
@@ -24,26 +25,26 @@ const INDEX_BYTES: u64 = 16 << 10;
 /// Length of one row of a vector quantity, bytes.
 const VECTOR_BYTES: u64 = 24;
 
-/// A column of real numbers: its name, and the measure that fills it.
-type RealColumn = (&'static str, fn(&Measures) -> f64);
+/// A number of a frame: its name, and the measure that it is.
+type Named<K, N> = (K, fn(&Measures) -> N);
 /// The columns of `/run/series` with real numbers.
-const REAL_COLUMNS: [RealColumn; 7] = [
-    ("time", |m| m.time),
-    ("step", |m| m.step),
-    ("kinetic_energy", |m| m.kinetic_energy),
-    ("potential_energy", |m| m.potential_energy),
-    ("largest_overlap", |m| m.largest_overlap),
-    ("bed_height", |m| m.bed_height),
-    ("wall_seconds", |m| m.wall_seconds),
+const REAL_COLUMNS: [Named<Series, f64>; 7] = [
+    (Series::Time, |m| m.time),
+    (Series::Step, |m| m.step),
+    (Series::KineticEnergy, |m| m.kinetic_energy),
+    (Series::PotentialEnergy, |m| m.potential_energy),
+    (Series::LargestOverlap, |m| m.largest_overlap),
+    (Series::BedHeight, |m| m.bed_height),
+    (Series::WallSeconds, |m| m.wall_seconds),
 ];
 
 /// The columns of `/run/series` that exist only if the dissipated energy is written.
-const ENERGY_COLUMNS: [RealColumn; 2] =
-    [("dissipated_rebound", |m| m.dissipated[0]), ("dissipated_friction", |m| m.dissipated[1])];
+const ENERGY_COLUMNS: [Named<Series, f64>; 2] =
+    [(Series::DissipatedRebound, |m| m.dissipated[0]), (Series::DissipatedFriction, |m| m.dissipated[1])];
 
 /// The real numbers of the last frame that are attributes of `/run`.
-const REAL_ATTRIBUTES: [RealColumn; 6] = [
-    ("wall_seconds", |m| m.wall_seconds),
+const REAL_ATTRIBUTES: [Named<&str, f64>; 6] = [
+    (Series::WallSeconds.name(), |m| m.wall_seconds),
     ("seconds_forces", |m| m.seconds.forces),
     ("seconds_ghosts", |m| m.seconds.ghosts),
     ("seconds_lists", |m| m.seconds.lists),
@@ -51,28 +52,23 @@ const REAL_ATTRIBUTES: [RealColumn; 6] = [
     ("seconds_output", |m| m.seconds.output),
 ];
 
-/// A column of counts: its name, and the measure that fills it.
-type CountColumn = (&'static str, fn(&Measures) -> u64);
 /// The columns of `/run/series` with counts.
-const COUNT_COLUMNS: [CountColumn; 6] = [
-    ("steps_accepted", |m| m.steps_accepted),
-    ("steps_rejected", |m| m.steps_rejected),
-    ("steps_outrun", |m| m.steps_outrun),
-    ("rhs_evaluations", |m| m.rhs_evaluations),
-    ("pair_evaluations", |m| m.pair_evaluations),
-    ("lists_built", |m| m.lists_built),
+const COUNT_COLUMNS: [Named<Series, u64>; 6] = [
+    (Series::StepsAccepted, |m| m.steps_accepted),
+    (Series::StepsRejected, |m| m.steps_rejected),
+    (Series::StepsOutrun, |m| m.steps_outrun),
+    (Series::RhsEvaluations, |m| m.rhs_evaluations),
+    (Series::PairEvaluations, |m| m.pair_evaluations),
+    (Series::ListsBuilt, |m| m.lists_built),
 ];
 
-/// The counts of the last frame that are attributes of `/run`. [`limit_attribute`] names further ones.
-const COUNT_ATTRIBUTES: [CountColumn; 7] = [
-    ("steps_accepted", |m| m.steps_accepted),
-    ("steps_rejected", |m| m.steps_rejected),
-    ("steps_outrun", |m| m.steps_outrun),
-    ("rhs_evaluations", |m| m.rhs_evaluations),
-    ("pair_evaluations", |m| m.pair_evaluations),
-    ("lists_built", |m| m.lists_built),
-    ("forced_accepts", |m| m.forced_accepts),
-];
+/// The counts of the last frame that are attributes of `/run`: all columns of counts, and one more.
+///
+/// [`limit_attribute`] names further ones.
+fn count_attributes() -> impl Iterator<Item = Named<&'static str, u64>> {
+    let forced: Named<&str, u64> = ("forced_accepts", |m| m.forced_accepts);
+    COUNT_COLUMNS.into_iter().map(|(series, measure)| (series.name(), measure)).chain([forced])
+}
 
 /// Name of the attribute of `/run` that counts the accepted steps whose size `limit` decided.
 fn limit_attribute(limit: Limit) -> String {
@@ -227,14 +223,16 @@ impl Frames {
             real_columns: REAL_COLUMNS
                 .into_iter()
                 .chain(ENERGY_COLUMNS.into_iter().filter(|_| ground.energy()))
-                .map(|(name, measure)| {
-                    Ok(Column { array: ground.array::<f64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                .map(|(column, measure)| {
+                    let array = ground.array::<f64>(&series, column.name(), FRAMES_PER_CHUNK)?;
+                    Ok(Column { array, measure })
                 })
                 .collect::<Result<_>>()?,
             count_columns: COUNT_COLUMNS
                 .into_iter()
-                .map(|(name, measure)| {
-                    Ok(Column { array: ground.array::<i64>(&series, name, FRAMES_PER_CHUNK)?, measure })
+                .map(|(column, measure)| {
+                    let array = ground.array::<i64>(&series, column.name(), FRAMES_PER_CHUNK)?;
+                    Ok(Column { array, measure })
                 })
                 .collect::<Result<_>>()?,
             run,
@@ -379,7 +377,7 @@ impl Frames {
 
     /// Updates the attributes of `/run` that follow the last frame. Collective.
     fn count_up(&self, measures: &Measures) -> Result<()> {
-        for (name, count) in COUNT_ATTRIBUTES {
+        for (name, count) in count_attributes() {
             set(&self.run, name, count(measures) as i64)?;
         }
         for (limit, steps) in Limit::ALL.into_iter().zip(measures.limits) {
@@ -496,7 +494,7 @@ fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: boo
     set_new(&run, "ranks", info.ranks as i64)?;
     set_new(&run, "threads", info.threads as i64)?;
     set_new_text(&run, "instruction_set", &info.instruction_set)?;
-    for (name, _) in COUNT_ATTRIBUTES {
+    for (name, _) in count_attributes() {
         set_new(&run, name, 0_i64)?;
     }
     for limit in Limit::ALL {

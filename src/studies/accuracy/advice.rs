@@ -2,9 +2,7 @@
 
 use super::ensemble::still_from;
 use super::findings::medians;
-use super::impact::{REBOUND_ERROR, RESTITUTION_ERROR};
-use super::records::{Record, Statistic, Stepper, Study};
-use super::state::POSITION_ERROR;
+use super::records::{Measure, Record, Statistic, Stepper, Study};
 use crate::math::digits::scientific;
 
 /// The data behind a recommendation.
@@ -29,14 +27,14 @@ pub fn recommendation(question: &Question) -> String {
     let of = |study| medians(question.records.iter().filter(|record| record.study == study));
     let state = question.time.and_then(|time| {
         let what = |target| format!("positions right to {} m at t = {time:.4} s", scientific(target, 1));
-        sentence(&of(Study::State), POSITION_ERROR, position, what)
+        sentence(&of(Study::State), Measure::PositionError, position, what)
     });
     let impact = || {
         let runs = of(Study::Impact);
         let rebound = |target| format!("rebound times right to {} of them", scientific(target, 1));
         let restitution = |target| format!("a restitution right to {} of it", scientific(target, 1));
-        sentence(&runs, REBOUND_ERROR, IMPACT_TARGET, rebound)
-            .or_else(|| sentence(&runs, RESTITUTION_ERROR, IMPACT_TARGET, restitution))
+        sentence(&runs, Measure::ReboundError, IMPACT_TARGET, rebound)
+            .or_else(|| sentence(&runs, Measure::RestitutionError, IMPACT_TARGET, restitution))
     };
     let bed = bed_sentence(question);
     let all: Vec<String> = [state.or_else(impact), bed].into_iter().flatten().collect();
@@ -51,10 +49,10 @@ pub fn recommendation(question: &Question) -> String {
 ///
 /// If no run reaches the target, a power of ten above the smallest error takes its role. `None` if there is
 /// no error to compare.
-fn sentence(runs: &[Record], measure: &str, target: f64, what: impl Fn(f64) -> String) -> Option<String> {
+fn sentence(runs: &[Record], measure: Measure, target: f64, what: impl Fn(f64) -> String) -> Option<String> {
     let all: Vec<(f64, &Record)> = (runs.iter())
         .filter(|record| record.failure.is_none())
-        .filter_map(|record| Some((*record.measures.get(measure)?, record)))
+        .filter_map(|record| Some((*record.measures.get(&measure)?, record)))
         .filter(|(error, _)| error.is_finite())
         .collect();
     // The right fixed step is known only after the runs. Recommend one only if there is nothing else.
@@ -175,7 +173,7 @@ mod tests {
         method: MethodName,
         tolerance: f64,
         rhs: u64,
-        measure: &str,
+        measure: Measure,
         value: f64,
     ) -> Record {
         Record {
@@ -184,7 +182,7 @@ mod tests {
             solver: adaptive(method, tolerance),
             seed: Some(1),
             work: Work { rhs_evaluations: rhs, ..Work::default() },
-            measures: [(measure.to_owned(), value)].into_iter().collect(),
+            measures: [(measure, value)].into_iter().collect(),
             failure: None,
         }
     }
@@ -196,7 +194,7 @@ mod tests {
     #[test]
     fn the_cheapest_run_that_is_accurate_enough_is_recommended() {
         let state = |method, tolerance, rhs, error| {
-            record(Study::State, method, tolerance, rhs, POSITION_ERROR, error)
+            record(Study::State, method, tolerance, rhs, Measure::PositionError, error)
         };
         let records = [
             state(MethodName::Auto, 1e-2, 8_000, 5e-3),
@@ -222,17 +220,17 @@ mod tests {
 
     #[test]
     fn impacts_speak_where_states_are_missing_and_failures_leave_nothing() {
-        let impact = record(Study::Impact, MethodName::Merson, 1e-4, 700, REBOUND_ERROR, 1e-5);
+        let impact = record(Study::Impact, MethodName::Merson, 1e-4, 700, Measure::ReboundError, 1e-5);
         assert!(advice(std::slice::from_ref(&impact), &[]).contains("rebound times right to 1e-3"));
         let failed = Record { failure: Some("no".to_owned()), ..impact };
         assert!(advice(&[failed], &[]).contains("No run tells"));
-        let untouched = record(Study::State, MethodName::Auto, 1e-3, 19, POSITION_ERROR, 0.0);
+        let untouched = record(Study::State, MethodName::Auto, 1e-3, 19, Measure::PositionError, 0.0);
         assert!(advice(&[untouched], &[]).contains("No run tells"));
     }
 
     #[test]
     fn the_bed_has_a_sentence_of_its_own() {
-        let overlap = crate::studies::accuracy::ensemble::LARGEST_OVERLAP;
+        let overlap = Measure::LargestOverlap;
         let runs = [1e-1, 1e-2, 1e-3]
             .map(|tolerance| record(Study::Ensemble, MethodName::Auto, tolerance, 1_000_000, overlap, 0.01));
         let mean = Interval { mean: 0.01, half_width: 1e-4, count: 5 };
@@ -240,7 +238,7 @@ mod tests {
         let statistic = |tolerance, paired| Statistic {
             variation: None,
             solver: adaptive(MethodName::Auto, tolerance),
-            measure: overlap.to_owned(),
+            measure: overlap,
             interval: mean,
             paired,
         };

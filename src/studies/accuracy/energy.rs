@@ -1,7 +1,7 @@
 //! The study `energy`: how far the energy of a run deviates from what forces and dissipation allow.
 
 use super::findings::{Findings, measures};
-use super::records::{Record, Solver, Study};
+use super::records::{Measure, Record, Solver, Study};
 use super::solvers::{adaptive, with_solver};
 use crate::beds::plot::Line;
 use crate::ode::MethodName;
@@ -10,10 +10,6 @@ use crate::scene::initial_condition::InitialCondition;
 use crate::studies::job_pool::run::{FrameData, run, work_limit};
 use crate::studies::job_pool::{JobPool, Sample};
 
-/// Largest change of the energy, divided by the largest kinetic energy. For scenes without dissipation.
-const DRIFT: &str = "energy drift";
-/// Largest energy that is not accounted for, divided by the largest kinetic energy. For all other scenes.
-const BALANCE: &str = "energy balance";
 /// Number of frames in which deviations are measured.
 const FRAMES: f64 = 200.0;
 /// Numbers of a frame in a sample: time, kinetic, potential, dissipated by rebound, dissipated by friction.
@@ -27,9 +23,9 @@ pub struct Energies {
 }
 
 /// The measure for this scene: drift or balance.
-pub fn measure(scene: &Scene) -> &'static str {
+pub fn measure(scene: &Scene) -> Measure {
     let rubs = scene.friction.as_ref().is_some_and(|friction| friction.coefficient > 0.0);
-    if scene.contact.restitution == 1.0 && !rubs { DRIFT } else { BALANCE }
+    if scene.contact.restitution == 1.0 && !rubs { Measure::EnergyDrift } else { Measure::EnergyBalance }
 }
 
 /// Measures the energy until t = `time` (s) for every solver. Collective.
@@ -53,18 +49,18 @@ pub fn study(
         });
         Sample { numbers, ..sample }
     });
-    let name = measure(&scene);
+    let measure = measure(&scene);
     let record = |(solver, sample): (&&Solver, &Sample)| Record {
         study: Study::Energy,
         variation: None,
         solver: (*solver).clone(),
         seed,
         work: sample.work,
-        measures: measures([(name, deviation(&sample.numbers, name == BALANCE))]),
+        measures: measures([(measure, deviation(&sample.numbers, measure == Measure::EnergyBalance))]),
         failure: sample.failure.clone(),
     };
     let records = jobs.iter().zip(&samples).skip(1).map(record).collect();
-    let what = if name == DRIFT {
+    let what = if measure == Measure::EnergyDrift {
         "nothing is lost in this scene: the drift is the largest change of the energy"
     } else {
         "the balance is the largest energy that is neither there nor lost by rebound or friction"
@@ -125,7 +121,7 @@ mod tests {
         let (scene, start) = scene();
         let solvers = [adaptive(MethodName::DormandPrince, 1e-3), adaptive(MethodName::DormandPrince, 1e-7)];
         let (found, energies) = study(&POOL, &scene, (Some(1), &start), &solvers, 0.5);
-        let balance = |k: usize| found.records[k].measures[BALANCE];
+        let balance = |k: usize| found.records[k].measures[&Measure::EnergyBalance];
         assert!(balance(1) < 1e-5 && balance(1) < balance(0), "{:?}", found.records);
         let names: Vec<&str> = energies.lines.iter().map(|line| line.name.as_str()).collect();
         assert_eq!(names, ["kinetic", "potential, from the start", "lost on rebound", "sum"]);
@@ -137,7 +133,7 @@ mod tests {
         scene.contact.restitution = 1.0;
         let solvers = [adaptive(MethodName::DormandPrince, 1e-7)];
         let (found, _) = study(&POOL, &scene, (None, &start), &solvers, 0.4);
-        assert!(found.records[0].measures[DRIFT] < 1e-4, "{:?}", found.records);
+        assert!(found.records[0].measures[&Measure::EnergyDrift] < 1e-4, "{:?}", found.records);
         assert!(found.notes[0].contains("nothing is lost"));
     }
 }

@@ -3,7 +3,7 @@
 
 use super::findings::{Findings, by_solver, measures};
 use super::impact::floors;
-use super::records::{Record, Solver, Statistic, Stepper, Study};
+use super::records::{Measure, Record, Solver, Statistic, Stepper, Study};
 use super::solvers::with_solver;
 use crate::beds::measures::bed::{bed_region, mean_coordination_number, union_volume_fraction};
 use crate::math::interval::{Interval, interval};
@@ -12,16 +12,9 @@ use crate::scene::initial_condition::InitialCondition;
 use crate::studies::job_pool::run::{FrameData, run, work_limit};
 use crate::studies::job_pool::{JobPool, Sample};
 
-/// Share of the volume of the bed that spheres fill.
-pub const VOLUME_FRACTION: &str = "volume fraction";
-/// Highest point of any sphere, m.
-pub const BED_HEIGHT: &str = "bed height (m)";
-/// Mean number of spheres that a sphere touches.
-pub const COORDINATION: &str = "coordination number";
-/// Largest overlap in any frame, m.
-pub const LARGEST_OVERLAP: &str = "largest overlap (m)";
 /// The statistics, in the order of the figures.
-pub const STATISTICS: [&str; 4] = [VOLUME_FRACTION, BED_HEIGHT, COORDINATION, LARGEST_OVERLAP];
+pub const STATISTICS: [Measure; 4] =
+    [Measure::VolumeFraction, Measure::BedHeight, Measure::Coordination, Measure::LargestOverlap];
 
 /// Least number of frames in a run.
 const FRAMES: f64 = 50.0;
@@ -113,7 +106,7 @@ pub fn study(
             best.label()
         ));
     }
-    if records.iter().all(|record| !record.measures.contains_key(VOLUME_FRACTION)) {
+    if records.iter().all(|record| !record.measures.contains_key(&Measure::VolumeFraction)) {
         notes.push("ensemble: without a box closed on four sides there is no volume fraction".to_owned());
     }
     Findings { records, statistics, notes }
@@ -143,7 +136,7 @@ pub fn statistics(records: &[Record], best: Option<&Solver>) -> Vec<Statistic> {
     let groups = by_solver(records);
     let mut list = Vec::new();
     for measure in STATISTICS {
-        let value = |record: &Record| record.measures.get(measure).copied().unwrap_or(f64::NAN);
+        let value = |record: &Record| record.measures.get(&measure).copied().unwrap_or(f64::NAN);
         for group in &groups {
             let values: Vec<f64> = group.iter().map(|record| value(record)).collect();
             let Some(mean) = interval(&values) else { continue };
@@ -159,7 +152,7 @@ pub fn statistics(records: &[Record], best: Option<&Solver>) -> Vec<Statistic> {
                     |record: &&Record| value(record) - same(record).map_or(f64::NAN, |r| value(r));
                 interval(&group.iter().map(difference).collect::<Vec<_>>())
             });
-            let (solver, variation, measure) = (solver.clone(), variation.clone(), measure.to_owned());
+            let (solver, variation) = (solver.clone(), variation.clone());
             list.push(Statistic { variation, solver, measure, interval: mean, paired });
         }
     }
@@ -180,7 +173,7 @@ pub fn still_from(statistics: &[Statistic], method: Stepper, r: f64) -> Option<f
     let still = |tolerance: &f64| {
         let of = |s: &&Statistic| s.solver.method == method && s.solver.tolerance == Some(*tolerance);
         statistics.iter().filter(of).all(|s| match s.paired {
-            Some(paired) => same(&paired, &s.measure, r),
+            Some(paired) => same(&paired, s.measure, r),
             // The most accurate solver itself. Its interval is infinite if one of its runs failed.
             None => s.interval.half_width.is_finite(),
         })
@@ -189,12 +182,12 @@ pub fn still_from(statistics: &[Statistic], method: Stepper, r: f64) -> Option<f
 }
 
 /// Whether the difference is too small to matter to a user, for spheres of radius `r` (m).
-fn same(paired: &Interval, measure: &str, r: f64) -> bool {
+fn same(paired: &Interval, measure: Measure, r: f64) -> bool {
     // The smallest difference that matters, and the half-width above which an interval could hide one.
     let (matters, undecided) = match measure {
-        VOLUME_FRACTION => (0.004, 0.006),
-        BED_HEIGHT => (0.02 * r, 0.04 * r),
-        COORDINATION => (0.1, 0.15),
+        Measure::VolumeFraction => (0.004, 0.006),
+        Measure::BedHeight => (0.02 * r, 0.04 * r),
+        Measure::Coordination => (0.1, 0.15),
         _ => (0.05 * r, 0.1 * r),
     };
     let (mean, half) = (paired.mean.abs(), paired.half_width);
@@ -219,7 +212,7 @@ mod tests {
             solver: adaptive(MethodName::Auto, tolerance),
             seed: Some(seed),
             work: Work::default(),
-            measures: fraction.map(|f| (VOLUME_FRACTION.to_owned(), f)).into_iter().collect(),
+            measures: fraction.map(|f| (Measure::VolumeFraction, f)).into_iter().collect(),
             failure: fraction.is_none().then(|| "failed".to_owned()),
         }
     }

@@ -3,11 +3,8 @@
 use super::energy::{Energies, measure};
 use super::ensemble::STATISTICS;
 use super::findings::medians;
-use super::impact::{REBOUND_ERROR, REBOUND_TIME, RESTITUTION, RESTITUTION_ERROR};
-use super::records::{Record, Statistic, Study};
+use super::records::{Measure, Record, Statistic, Study};
 use super::reference::Separation;
-use super::state::POSITION_ERROR;
-use super::sweep::{BEYOND_E, LATER};
 use crate::beds::plot::{Across, Bar, Curve, Group, Line, Panel, Point, ensemble, series, work_precision};
 use crate::error::Error;
 use crate::math::digits::scientific;
@@ -48,21 +45,21 @@ impl Shown<'_> {
             (
                 "impact.svg",
                 Study::Impact,
-                REBOUND_ERROR,
+                Measure::ReboundError,
                 "rebound time of one impact",
                 "relative error of the rebound time",
             ),
             (
                 "restitution.svg",
                 Study::Impact,
-                RESTITUTION_ERROR,
+                Measure::RestitutionError,
                 "restitution of one impact",
                 "relative error of the restitution",
             ),
             (
                 "state.svg",
                 Study::State,
-                POSITION_ERROR,
+                Measure::PositionError,
                 "state",
                 "largest position error (m), median over seeds",
             ),
@@ -71,7 +68,7 @@ impl Shown<'_> {
         for (svg, study, measure, what, label) in curves {
             let of_study = self.records.iter().filter(|record| record.study == study);
             let runs = medians(of_study);
-            if runs.iter().any(|run| run.measures.contains_key(measure)) {
+            if runs.iter().any(|run| run.measures.contains_key(&measure)) {
                 let at = match (study, self.separation) {
                     (Study::State, Some((_, time))) => format!(" at t = {time:.4} s"),
                     _ => String::new(),
@@ -102,10 +99,14 @@ impl Shown<'_> {
     }
 }
 
+/// The measures of impacts that a sweep shows.
+const OF_IMPACTS: [Measure; 4] =
+    [Measure::ReboundTime, Measure::LaterThanHard, Measure::Restitution, Measure::RestitutionBeyondE];
+
 const ENERGY_LABEL: &str = "error of the energy over the largest kinetic energy";
 
 /// One curve for each method, with its runs from loose to tight.
-fn curves_of(runs: &[Record], measure: &str) -> Vec<Curve> {
+fn curves_of(runs: &[Record], measure: Measure) -> Vec<Curve> {
     let mut curves: Vec<Curve> = Vec::new();
     for run in runs {
         let name = run.solver.method.name();
@@ -114,7 +115,7 @@ fn curves_of(runs: &[Record], measure: &str) -> Vec<Curve> {
                 (Some(tolerance), _) => scientific(tolerance, 1),
                 (None, step) => format!("{} s", scientific(step.unwrap_or(f64::NAN), 1)),
             },
-            error: run.measures.get(measure).copied().unwrap_or(f64::NAN),
+            error: run.measures.get(&measure).copied().unwrap_or(f64::NAN),
             rhs: run.work.rhs_evaluations as f64,
             core_seconds: run.work.core_seconds,
             failed: run.failure.is_some(),
@@ -142,9 +143,9 @@ fn separation_lines(separation: &Separation) -> Vec<Line> {
 /// One shows the mean. The other shows the difference to the most accurate solver, which does not contain the
 /// differences between seeds. Solvers with fixed steps have no tolerance, so they are left out.
 fn ensemble_panels(statistics: &[Statistic]) -> Vec<Panel> {
-    let panel = |name: &str, title: String, of: fn(&Statistic) -> Option<Interval>| {
+    let panel = |measure: Measure, title: String, of: fn(&Statistic) -> Option<Interval>| {
         let mut groups: Vec<Group> = Vec::new();
-        for s in statistics.iter().filter(|s| s.measure == name) {
+        for s in statistics.iter().filter(|s| s.measure == measure) {
             let (Some(x), Some(interval)) = (s.solver.tolerance, of(s)) else { continue };
             add(&mut groups, s.solver.method.name(), Bar { x, interval });
         }
@@ -152,9 +153,9 @@ fn ensemble_panels(statistics: &[Statistic]) -> Vec<Panel> {
         Panel { name: title, x_label, across: Across::Logarithmic, log_y: false, groups }
     };
     let best = statistics.iter().find(|s| s.paired.is_none()).map_or(String::new(), |s| s.solver.label());
-    let both = |&name: &&str| {
-        let difference = format!("{name}: difference to {best}");
-        [panel(name, name.to_owned(), |s| Some(s.interval)), panel(name, difference, |s| s.paired)]
+    let both = |&measure: &Measure| {
+        let difference = format!("{measure}: difference to {best}");
+        [panel(measure, measure.to_string(), |s| Some(s.interval)), panel(measure, difference, |s| s.paired)]
     };
     STATISTICS.iter().flat_map(both).filter(|panel| !panel.groups.is_empty()).collect()
 }
@@ -193,18 +194,18 @@ fn sweep_panels(records: &[Record], statistics: &[Statistic]) -> Vec<Panel> {
         let at = names.iter().position(|name| Some(*name) == variation.as_deref())?;
         Some(numbers.as_ref().map_or(at as f64, |numbers| numbers[at]))
     };
-    let panel = |name: &str, groups: Vec<Group>| Panel {
-        name: name.to_owned(),
+    let panel = |measure: Measure, groups: Vec<Group>| Panel {
+        name: measure.to_string(),
         x_label: key.to_owned(),
         across: across.clone(),
         log_y: false,
         groups,
     };
     let mut panels = Vec::new();
-    for measure in [REBOUND_TIME, LATER, RESTITUTION, BEYOND_E] {
+    for measure in OF_IMPACTS {
         let mut groups = Vec::new();
         for record in records.iter().filter(|record| record.study == Study::Impact) {
-            let (Some(x), Some(&mean)) = (position(&record.variation), record.measures.get(measure)) else {
+            let (Some(x), Some(&mean)) = (position(&record.variation), record.measures.get(&measure)) else {
                 continue;
             };
             // There is a single run without randomness, so the interval has no width.
@@ -230,14 +231,14 @@ mod tests {
     use crate::studies::accuracy::records::{Solver, Work};
     use crate::studies::accuracy::solvers::adaptive;
 
-    fn record(solver: Solver, variation: Option<&str>, measure: &str, value: Option<f64>) -> Record {
+    fn record(solver: Solver, variation: Option<&str>, measure: Measure, value: Option<f64>) -> Record {
         Record {
             study: Study::Impact,
             variation: variation.map(str::to_owned),
             solver,
             seed: None,
             work: Work::default(),
-            measures: value.map(|value| (measure.to_owned(), value)).into_iter().collect(),
+            measures: value.map(|value| (measure, value)).into_iter().collect(),
             failure: value.is_none().then(|| "failed".to_owned()),
         }
     }
@@ -245,11 +246,11 @@ mod tests {
     #[test]
     fn a_curve_has_the_runs_of_a_method_and_keeps_the_failed_ones() {
         let runs = [
-            record(adaptive(MethodName::Merson, 1e-1), None, REBOUND_ERROR, None),
-            record(adaptive(MethodName::Auto, 1e-1), None, REBOUND_ERROR, Some(0.1)),
-            record(adaptive(MethodName::Merson, 1e-2), None, REBOUND_ERROR, Some(0.2)),
+            record(adaptive(MethodName::Merson, 1e-1), None, Measure::ReboundError, None),
+            record(adaptive(MethodName::Auto, 1e-1), None, Measure::ReboundError, Some(0.1)),
+            record(adaptive(MethodName::Merson, 1e-2), None, Measure::ReboundError, Some(0.2)),
         ];
-        let curves = curves_of(&runs, REBOUND_ERROR);
+        let curves = curves_of(&runs, Measure::ReboundError);
         assert_eq!((curves[0].name.as_str(), curves[0].points.len()), ("merson", 2));
         assert!(curves[0].points[0].failed && curves[0].points[0].error.is_nan());
         assert_eq!((curves[0].points[1].label.as_str(), curves[0].points[1].error), ("1e-2", 0.2));
@@ -258,8 +259,9 @@ mod tests {
     #[test]
     fn a_sweep_of_numbers_has_a_scale_and_one_of_words_has_names() {
         let panels = |variations: [&str; 2]| {
-            let runs = variations
-                .map(|v| record(adaptive(MethodName::Merson, 1e-9), Some(v), REBOUND_TIME, Some(3.6)));
+            let runs = variations.map(|v| {
+                record(adaptive(MethodName::Merson, 1e-9), Some(v), Measure::ReboundTime, Some(3.6))
+            });
             sweep_panels(&runs, &[])
         };
         let numbers = panels(["contact.stiffness_exponent=30", "contact.stiffness_exponent=500"]);

@@ -1,6 +1,6 @@
 //! The results of a study, and medians over runs with different seeds.
 
-use super::records::{Record, Statistic, Work};
+use super::records::{Measure, Record, Statistic, Work};
 use std::collections::BTreeMap;
 
 /// The results of a study.
@@ -14,12 +14,9 @@ pub struct Findings {
     pub notes: Vec<String>,
 }
 
-/// Measures by name. A measure that is NaN is left out.
-pub fn measures<const N: usize>(list: [(&str, f64); N]) -> BTreeMap<String, f64> {
-    list.into_iter()
-        .filter(|(_, value)| !value.is_nan())
-        .map(|(name, value)| (name.to_owned(), value))
-        .collect()
+/// The measures in `list` that have a value. One that is NaN is left out.
+pub fn measures<const N: usize>(list: [(Measure, f64); N]) -> BTreeMap<Measure, f64> {
+    list.into_iter().filter(|(_, value)| !value.is_nan()).collect()
 }
 
 /// Groups the records by study, solver and variation, in the order of their first members.
@@ -59,12 +56,12 @@ fn median_record(group: &[&Record]) -> Record {
     };
     let failures = group.iter().filter(|record| record.failure.is_some()).count();
     let mut measures = BTreeMap::new();
-    for name in group.iter().flat_map(|record| record.measures.keys()) {
-        let value = |record: &&Record| match (&record.failure, record.measures.get(name)) {
+    for &measure in group.iter().flat_map(|record| record.measures.keys()) {
+        let value = |record: &&Record| match (&record.failure, record.measures.get(&measure)) {
             (None, Some(&value)) => value,
             _ => f64::INFINITY,
         };
-        measures.entry(name.clone()).or_insert_with(|| median(group.iter().map(value).collect()));
+        measures.entry(measure).or_insert_with(|| median(group.iter().map(value).collect()));
     }
     let failed = 2 * failures >= group.len();
     if failed {
@@ -98,7 +95,7 @@ mod tests {
             solver: adaptive(MethodName::Merson, tolerance),
             seed: Some(seed),
             work: Work { rhs_evaluations: 100 * seed, ..Work::default() },
-            measures: error.map(|error| ("error".to_owned(), error)).into_iter().collect(),
+            measures: error.map(|error| (Measure::PositionError, error)).into_iter().collect(),
             failure: error.is_none().then(|| format!("seed {seed} failed")),
         }
     }
@@ -115,8 +112,11 @@ mod tests {
         ];
         let medians = medians(&records);
         assert_eq!(medians.len(), 2);
-        assert_eq!((medians[0].measures["error"], medians[0].work.rhs_evaluations), (2.0, 200));
-        assert_eq!((medians[1].measures["error"], &medians[1].failure), (0.3, &None));
+        assert_eq!(
+            (medians[0].measures[&Measure::PositionError], medians[0].work.rhs_evaluations),
+            (2.0, 200)
+        );
+        assert_eq!((medians[1].measures[&Measure::PositionError], &medians[1].failure), (0.3, &None));
     }
 
     #[test]

@@ -4,24 +4,13 @@
 
 use super::exact::Impact;
 use super::findings::{Findings, measures};
-use super::records::{Record, Solver, Study};
+use super::records::{Measure, Record, Solver, Study};
 use super::solvers::{gravity, with_solver};
 use crate::math::vector::Vec3;
 use crate::scene::initial_condition::{InitialCondition, velocity_scale};
 use crate::scene::{Container, Scene, WallPlane};
 use crate::studies::job_pool::run::{run, work_limit};
 use crate::studies::job_pool::{JobPool, Sample};
-
-/// Relative error of the time to the next highest point.
-pub const REBOUND_ERROR: &str = "error of rebound time";
-/// Relative error of the restitution.
-pub const RESTITUTION_ERROR: &str = "error of restitution";
-/// Relative error of the time within the interaction distance of the floor.
-const CONTACT_ERROR: &str = "error of contact time";
-/// Time to the next highest point, s.
-pub const REBOUND_TIME: &str = "rebound time (s)";
-/// Speed of separation divided by speed of approach.
-pub const RESTITUTION: &str = "restitution";
 
 /// Number of frames in each of the two runs. At each frame the work is compared with its limit.
 ///
@@ -162,11 +151,11 @@ impl Setup {
         let (restitution, contact, rebound) = (sample.number(0), sample.number(1), sample.number(2));
         let off = |found: f64, exact: f64| (found / exact - 1.0).abs();
         let measures = measures([
-            (RESTITUTION, restitution),
-            (RESTITUTION_ERROR, off(restitution, self.restitution)),
-            (CONTACT_ERROR, off(contact, self.contact_time)),
-            (REBOUND_TIME, rebound),
-            (REBOUND_ERROR, self.rebound_time.map_or(f64::NAN, |exact| off(rebound, exact))),
+            (Measure::Restitution, restitution),
+            (Measure::RestitutionError, off(restitution, self.restitution)),
+            (Measure::ContactError, off(contact, self.contact_time)),
+            (Measure::ReboundTime, rebound),
+            (Measure::ReboundError, self.rebound_time.map_or(f64::NAN, |exact| off(rebound, exact))),
         ]);
         Record {
             study: Study::Impact,
@@ -232,10 +221,10 @@ mod tests {
             setup.record(&solver, &setup.simulate(&solver))
         };
         let tight = record(1e-9);
-        for name in [REBOUND_ERROR, RESTITUTION_ERROR, CONTACT_ERROR] {
+        for measure in [Measure::ReboundError, Measure::RestitutionError, Measure::ContactError] {
             // The tolerance allows for a few hundred steps, each wrong by 1e-9 of its scale.
-            assert!(tight.measures[name] < 1e-6, "{name}: {:?}", tight.measures);
-            assert!(record(1e-2).measures[name] > tight.measures[name], "{name}");
+            assert!(tight.measures[&measure] < 1e-6, "{measure}: {:?}", tight.measures);
+            assert!(record(1e-2).measures[&measure] > tight.measures[&measure], "{measure}");
         }
     }
 
@@ -245,8 +234,8 @@ mod tests {
         scene.gravity = [0.0; 3];
         let pool = JobPool { comm: &Solo, threads: 1, quiet: true };
         let found = study(&pool, &scene, &start, &[adaptive(MethodName::Merson, 1e-6)]);
-        assert!(found.records[0].measures[RESTITUTION_ERROR] < 1e-4, "{:?}", found.records);
-        assert!(!found.records[0].measures.contains_key(REBOUND_TIME));
+        assert!(found.records[0].measures[&Measure::RestitutionError] < 1e-4, "{:?}", found.records);
+        assert!(!found.records[0].measures.contains_key(&Measure::ReboundTime));
         assert!(found.notes[0].contains("without gravity"), "{:?}", found.notes);
     }
 

@@ -1,36 +1,73 @@
 //! The records of runs: their solvers, their work and their results.
 
+use crate::files::names::named;
 use crate::math::interval::Interval;
 use crate::ode::MethodName;
 pub use crate::studies::job_pool::Work;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// The question that a run belongs to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Study {
-    /// One impact, compared with its exact solution.
-    Impact,
-    /// All particles at one time, compared with a far more accurate run.
-    State,
-    /// How far the energy deviates from what forces and dissipation allow.
-    Energy,
-    /// Statistics over many initial states.
-    Ensemble,
+named! {
+    /// The question that a run belongs to.
+    Study {
+        /// One impact, compared with its exact solution.
+        Impact = "impact",
+        /// All particles at one time, compared with a far more accurate run.
+        State = "state",
+        /// How far the energy deviates from what forces and dissipation allow.
+        Energy = "energy",
+        /// Statistics over many initial states.
+        Ensemble = "ensemble",
+    }
 }
 
-impl Study {
-    /// All studies.
-    pub const ALL: [Study; 4] = [Study::Impact, Study::State, Study::Energy, Study::Ensemble];
+named! {
+    /// A result of a run. The name includes the unit.
+    Measure {
+        /// Time to the next highest point of an impact, s.
+        ReboundTime = "rebound time (s)",
+        /// Relative error of that time.
+        ReboundError = "error of rebound time",
+        /// Delay of that time compared with a hard floor, s.
+        LaterThanHard = "later than hard (s)",
+        /// Speed of separation divided by speed of approach.
+        Restitution = "restitution",
+        /// Relative error of the restitution.
+        RestitutionError = "error of restitution",
+        /// Restitution minus the coefficient e.
+        RestitutionBeyondE = "restitution beyond e",
+        /// Relative error of the time within the interaction distance of the floor.
+        ContactError = "error of contact time",
+        /// Largest error of a position, m.
+        PositionError = "position error (m)",
+        /// Largest error of a velocity, m/s.
+        VelocityError = "velocity error (m/s)",
+        /// Largest error of an angular velocity, rad/s.
+        SpinError = "spin error (rad/s)",
+        /// Largest change of the energy over the largest kinetic energy, in scenes without dissipation.
+        EnergyDrift = "energy drift",
+        /// Largest energy not accounted for over the largest kinetic energy, in all other scenes.
+        EnergyBalance = "energy balance",
+        /// Share of the volume of the bed that spheres fill.
+        VolumeFraction = "volume fraction",
+        /// Highest point of any sphere, m.
+        BedHeight = "bed height (m)",
+        /// Mean number of spheres that a sphere touches.
+        Coordination = "coordination number",
+        /// Largest overlap in any frame, m.
+        LargestOverlap = "largest overlap (m)",
+    }
+}
 
-    /// Name in tables and files.
-    pub fn name(self) -> &'static str {
+impl Measure {
+    /// Whether it is an error, of which the order of magnitude matters. Of the others all digits do.
+    pub fn is_error(self) -> bool {
+        use Measure::*;
         match self {
-            Study::Impact => "impact",
-            Study::State => "state",
-            Study::Energy => "energy",
-            Study::Ensemble => "ensemble",
+            ReboundError | RestitutionError | ContactError | PositionError | VelocityError | SpinError
+            | EnergyDrift | EnergyBalance => true,
+            ReboundTime | LaterThanHard | Restitution | RestitutionBeyondE | VolumeFraction | BedHeight
+            | Coordination | LargestOverlap => false,
         }
     }
 }
@@ -100,8 +137,8 @@ pub struct Record {
     pub seed: Option<u64>,
     /// Its work; for a failed run, the work up to the failure.
     pub work: Work,
-    /// Results by name. The name includes the unit.
-    pub measures: BTreeMap<String, f64>,
+    /// Its results, in the order of their names.
+    pub measures: BTreeMap<Measure, f64>,
     /// Why the run ended early, or `None`.
     pub failure: Option<String>,
 }
@@ -113,8 +150,8 @@ pub struct Statistic {
     pub variation: Option<String>,
     /// The solver.
     pub solver: Solver,
-    /// Name of the measure, with the unit.
-    pub measure: String,
+    /// The measure.
+    pub measure: Measure,
     /// Mean over the seeds.
     pub interval: Interval,
     /// Mean difference to the most accurate solver, for equal seeds.
@@ -137,10 +174,11 @@ mod tests {
     }
 
     #[test]
-    fn a_study_is_serialised_as_its_name() {
-        for study in Study::ALL {
-            let json = serde_json::to_value(study).unwrap();
-            assert_eq!(json, study.name());
-        }
+    fn results_are_written_under_their_names_in_the_order_of_the_names() {
+        let all: BTreeMap<Measure, f64> = Measure::ALL.iter().map(|&measure| (measure, 1.0)).collect();
+        let names: Vec<&str> = all.keys().map(|measure| measure.name()).collect();
+        assert!(names.is_sorted() && names.len() == Measure::ALL.len(), "{names:?}");
+        let json: serde_json::Value = serde_json::to_value(&all).unwrap();
+        assert!(names.iter().all(|name| json[name] == 1.0), "{json}");
     }
 }

@@ -1,7 +1,7 @@
 //! The study `state`: compares all spheres at one time, for every solver, from several initial states.
 
 use super::findings::{Findings, measures, median};
-use super::records::{Record, Solver, Study};
+use super::records::{Measure, Record, Solver, Study};
 use super::reference::{self, Difference, Separation, difference, end_state, reference};
 use super::solvers::with_solver;
 use crate::math::digits::scientific;
@@ -9,13 +9,6 @@ use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
 use crate::studies::job_pool::run::work_limit;
 use crate::studies::job_pool::{JobPool, Sample};
-
-/// Largest distance of a centre from the reference, m.
-pub const POSITION_ERROR: &str = "position error (m)";
-/// Largest difference of a velocity from the reference, m/s.
-const VELOCITY_ERROR: &str = "velocity error (m/s)";
-/// Largest difference of an angular velocity from the reference, rad/s.
-const SPIN_ERROR: &str = "spin error (rad/s)";
 
 /// When states are compared, and how this time was found.
 #[derive(Debug, Clone)]
@@ -104,9 +97,9 @@ pub fn study(
             seed: starts[k].0,
             work: sample.work,
             measures: measures([
-                (POSITION_ERROR, sample.number(0)),
-                (VELOCITY_ERROR, sample.number(1)),
-                (SPIN_ERROR, if scene.rotates() { sample.number(2) } else { f64::NAN }),
+                (Measure::PositionError, sample.number(0)),
+                (Measure::VelocityError, sample.number(1)),
+                (Measure::SpinError, if scene.rotates() { sample.number(2) } else { f64::NAN }),
             ]),
             failure: sample.failure.clone(),
         })
@@ -121,7 +114,7 @@ pub fn study(
         starts.len(),
         exact.rhs_evaluations
     )];
-    let errors = || records.iter().filter_map(|record| record.measures.get(POSITION_ERROR));
+    let errors = || records.iter().filter_map(|record| record.measures.get(&Measure::PositionError));
     if errors().count() > 0 && errors().all(|&error| error == 0.0) {
         notes.push("state: no error at all, because nothing has touched anything before".to_owned());
     } else if errors().any(|&error| error < 10.0 * own) {
@@ -155,7 +148,7 @@ mod tests {
                 assert!(when.separation.points.len() > 90, "{}", when.note);
                 let findings = study(&pool, &scene, &starts, &solvers, when.time);
                 let errors: Vec<f64> =
-                    findings.records.iter().map(|record| record.measures[POSITION_ERROR]).collect();
+                    findings.records.iter().map(|record| record.measures[&Measure::PositionError]).collect();
                 assert!(errors[0] > errors[1] && errors[1] < 1e-5, "{errors:?}");
                 found.lock().unwrap().push(errors);
             });

@@ -3,8 +3,8 @@
 use super::ensemble::{self, Job, no_bed};
 use super::exact::hard_rebound_time;
 use super::findings::{Findings, measures};
-use super::impact::{REBOUND_TIME, RESTITUTION, Setup};
-use super::records::Record;
+use super::impact::Setup;
+use super::records::{Measure, Record};
 use super::request::Request;
 use super::solvers::adaptive;
 use super::starts::{Starts, load};
@@ -14,11 +14,6 @@ use crate::ode::MethodName;
 use crate::scene::{Scene, split_values};
 use crate::studies::job_pool::JobPool;
 use std::str::FromStr;
-
-/// Delay of the next highest point compared with a hard floor, s.
-pub const LATER: &str = "later than hard (s)";
-/// Restitution minus the coefficient e.
-pub const BEYOND_E: &str = "restitution beyond e";
 
 /// Tolerance of dormand-prince for the impacts of a sweep.
 const IMPACT_TOLERANCE: f64 = 1e-10;
@@ -134,15 +129,17 @@ fn impacts(pool: &JobPool, variations: &[Variation]) -> Vec<Record> {
     let record = |((v, setup), sample): ((&Variation, &Setup), &_)| {
         let record = setup.record(&solver, sample);
         // Further digits would belong to the solver, not to the model.
-        let value =
-            |name: &str| record.measures.get(name).map_or(f64::NAN, |value| (value * 1e8).round() / 1e8);
+        let value = |measure: Measure| {
+            record.measures.get(&measure).map_or(f64::NAN, |value| (value * 1e8).round() / 1e8)
+        };
+        let (rebound, restitution) = (value(Measure::ReboundTime), value(Measure::Restitution));
         let e = v.scene.contact.restitution;
         let hard = hard_rebound_time(setup.height, setup.g, e);
         let measures = measures([
-            (REBOUND_TIME, value(REBOUND_TIME)),
-            (LATER, setup.rebound_time.map_or(f64::NAN, |_| value(REBOUND_TIME) - hard)),
-            (RESTITUTION, value(RESTITUTION)),
-            (BEYOND_E, value(RESTITUTION) - e),
+            (Measure::ReboundTime, rebound),
+            (Measure::LaterThanHard, setup.rebound_time.map_or(f64::NAN, |_| rebound - hard)),
+            (Measure::Restitution, restitution),
+            (Measure::RestitutionBeyondE, restitution - e),
         ]);
         Record { variation: Some(v.name.clone()), measures, ..record }
     };

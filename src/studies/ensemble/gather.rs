@@ -7,6 +7,7 @@ use crate::beds::folder::stem;
 use crate::domain::Comm;
 use crate::domain::agreement::share;
 use crate::error::Error;
+use crate::files::names::Series;
 use crate::files::run_file::RunFile;
 use crate::studies::job_pool::{JobPool, Sample};
 use serde::{Deserialize, Serialize};
@@ -67,7 +68,7 @@ fn look(file: &Path) -> Result<Found, Error> {
         false => Some(format!(
             "{} is not complete: it ends at t = {} s of {} s; demhybrid --resume goes on with it",
             file.display(),
-            run_file.series("time")?.last().copied().unwrap_or(0.0),
+            run_file.series(Series::Time)?.last().copied().unwrap_or(0.0),
             scene.t_end
         )),
     };

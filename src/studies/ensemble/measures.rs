@@ -3,6 +3,7 @@
 use crate::beds::measures::region::RegionRequest;
 use crate::beds::measures::row::{Row, centres};
 use crate::error::Error;
+use crate::files::names::Series;
 use crate::files::run_file::{RunFile, State};
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
@@ -25,14 +26,14 @@ pub struct Measure {
 #[derive(Debug)]
 enum Of {
     /// A frame. Such a measure can be followed over time.
-    Frame(fn(&Seen) -> f64),
+    Frame(fn(&AtFrame) -> f64),
     /// The work of the whole run.
     Work(fn(&Work) -> u64),
 }
 
 /// A frame, and what else is known at its time.
 #[derive(Debug)]
-struct Seen {
+struct AtFrame {
     row: Row,
     /// Kinetic energy, J.
     kinetic_energy: f64,
@@ -42,7 +43,7 @@ struct Seen {
     overlap: f64,
 }
 
-const fn frame(name: &'static str, label: &'static str, usual: bool, of: fn(&Seen) -> f64) -> Measure {
+const fn frame(name: &'static str, label: &'static str, usual: bool, of: fn(&AtFrame) -> f64) -> Measure {
     Measure { name, label, usual, of: Of::Frame(of) }
 }
 
@@ -52,31 +53,31 @@ const fn work(name: &'static str, label: &'static str, of: fn(&Work) -> u64) -> 
 
 /// All measures; those that can be followed over time come first.
 pub const MEASURES: [Measure; 23] = [
-    frame("volume_fraction", "volume fraction of the union", true, |seen| seen.row.volume_fraction),
-    frame("porosity", "porosity", false, |seen| seen.row.porosity),
-    frame("overlap_fraction", "share covered more than once", false, |seen| seen.row.overlap_fraction),
-    frame("paper_count_in_unit_cube", "volume fraction in [0, 1]^3, the paper's count", true, |seen| {
-        seen.row.paper_count_in_unit_cube.unwrap_or(f64::NAN)
+    frame("volume_fraction", "volume fraction of the union", true, |at| at.row.volume_fraction),
+    frame("porosity", "porosity", false, |at| at.row.porosity),
+    frame("overlap_fraction", "share covered more than once", false, |at| at.row.overlap_fraction),
+    frame("paper_count_in_unit_cube", "volume fraction in [0, 1]^3, the paper's count", true, |at| {
+        at.row.paper_count_in_unit_cube.unwrap_or(f64::NAN)
     }),
-    frame("volume_fraction_in_unit_cube", "volume fraction of the union in [0, 1]^3", false, |seen| {
-        seen.row.volume_fraction_in_unit_cube.unwrap_or(f64::NAN)
+    frame("volume_fraction_in_unit_cube", "volume fraction of the union in [0, 1]^3", false, |at| {
+        at.row.volume_fraction_in_unit_cube.unwrap_or(f64::NAN)
     }),
-    frame("mean_coordination", "coordination number", true, |seen| seen.row.mean_coordination),
-    frame("mean_coordination_without_rattlers", "coordination number without rattlers", false, |seen| {
-        seen.row.mean_coordination_without_rattlers
+    frame("mean_coordination", "coordination number", true, |at| at.row.mean_coordination),
+    frame("mean_coordination_without_rattlers", "coordination number without rattlers", false, |at| {
+        at.row.mean_coordination_without_rattlers
     }),
-    frame("rattlers", "rattlers", true, |seen| seen.row.rattlers as f64),
-    frame("contacts", "contacts between spheres", false, |seen| seen.row.contacts as f64),
-    frame("wall_contacts", "contacts with walls", false, |seen| seen.row.wall_contacts as f64),
-    frame("mean_overlap", "mean overlap (m)", false, |seen| seen.row.mean_overlap),
-    frame("largest_overlap", "largest overlap (m)", false, |seen| seen.row.largest_overlap),
-    frame("mean_force", "mean contact force (N)", false, |seen| seen.row.mean_force),
-    frame("largest_force", "largest contact force (N)", false, |seen| seen.row.largest_force),
-    frame("bed_height", "bed height (m)", true, |seen| seen.row.bed_height),
-    frame("kinetic_energy", "kinetic energy (J)", false, |seen| seen.kinetic_energy),
-    frame("potential_energy", "potential energy (J)", false, |seen| seen.potential_energy),
-    frame("largest_overlap_of_run", "largest overlap in any frame (m)", true, |seen| seen.overlap),
-    frame("end_time", "time of the end (s)", false, |seen| seen.row.time),
+    frame("rattlers", "rattlers", true, |at| at.row.rattlers as f64),
+    frame("contacts", "contacts between spheres", false, |at| at.row.contacts as f64),
+    frame("wall_contacts", "contacts with walls", false, |at| at.row.wall_contacts as f64),
+    frame("mean_overlap", "mean overlap (m)", false, |at| at.row.mean_overlap),
+    frame("largest_overlap", "largest overlap (m)", false, |at| at.row.largest_overlap),
+    frame("mean_force", "mean contact force (N)", false, |at| at.row.mean_force),
+    frame("largest_force", "largest contact force (N)", false, |at| at.row.largest_force),
+    frame("bed_height", "bed height (m)", true, |at| at.row.bed_height),
+    frame("kinetic_energy", "kinetic energy (J)", false, |at| at.kinetic_energy),
+    frame("potential_energy", "potential energy (J)", false, |at| at.potential_energy),
+    frame("largest_overlap_of_run", "largest overlap in any frame (m)", true, |at| at.overlap),
+    frame("end_time", "time of the end (s)", false, |at| at.row.time),
     work("steps_accepted", "steps accepted", |work| work.steps_accepted),
     work("steps_rejected", "steps rejected", |work| work.steps_rejected),
     work("rhs_evaluations", "right-hand sides", |work| work.rhs_evaluations),
@@ -85,6 +86,17 @@ pub const MEASURES: [Measure; 23] = [
 
 /// Number of measures that can be followed over time. They are the first of `MEASURES`.
 pub const OVER_TIME: usize = 19;
+
+/// One of [`MEASURES`]: its index.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MeasureId(pub usize);
+
+impl MeasureId {
+    /// The measure with this name.
+    pub fn of_name(name: &str) -> Option<Self> {
+        MEASURES.iter().position(|measure| measure.name == name).map(MeasureId)
+    }
+}
 
 /// Which frames of a run are measured, and where.
 #[derive(Debug, Clone, PartialEq)]
@@ -145,7 +157,7 @@ fn numbers(scene: &Scene, plan: &Plan, held: &[Held]) -> Vec<f64> {
     let (region, _) = plan.region.of(scene, &centres(&last.state));
     let mut numbers = Vec::with_capacity(held.len() * (1 + OVER_TIME));
     for held in held {
-        let seen = Seen {
+        let at = AtFrame {
             row: Row::of(scene, &held.state, &region),
             kinetic_energy: held.kinetic_energy,
             potential_energy: held.potential_energy,
@@ -153,7 +165,7 @@ fn numbers(scene: &Scene, plan: &Plan, held: &[Held]) -> Vec<f64> {
         };
         numbers.push(held.state.time);
         numbers.extend(MEASURES[..OVER_TIME].iter().map(|measure| match measure.of {
-            Of::Frame(of) => of(&seen),
+            Of::Frame(of) => of(&at),
             Of::Work(_) => f64::NAN,
         }));
     }
@@ -196,8 +208,9 @@ fn state(number: u64, frame: &FrameData) -> State {
 
 /// Measures the run in `run_file`.
 pub fn recorded(run_file: &RunFile, plan: &Plan) -> Result<Sample, Error> {
-    let (kinetic, potential) = (run_file.series("kinetic_energy")?, run_file.series("potential_energy")?);
-    let overlaps = run_file.series("largest_overlap")?;
+    let (kinetic, potential) =
+        (run_file.series(Series::KineticEnergy)?, run_file.series(Series::PotentialEnergy)?);
+    let overlaps = run_file.series(Series::LargestOverlap)?;
     let stride = plan.stride(&run_file.scene);
     let mut held = Vec::new();
     let mut overlap = 0.0f64;
@@ -209,16 +222,17 @@ pub fn recorded(run_file: &RunFile, plan: &Plan) -> Result<Sample, Error> {
         }
     }
     let facts = run_file.facts()?;
-    let count = |name: &str| {
-        let fact = facts.iter().find(|(fact, _)| fact == name).and_then(|(_, value)| value.parse().ok());
-        fact.ok_or_else(|| run_file.unreadable(&format!("/run records no {name}")))
+    let count = |series: Series| {
+        let fact = facts.iter().find(|(name, _)| name == series.name());
+        let fact = fact.and_then(|(_, value)| value.parse().ok());
+        fact.ok_or_else(|| run_file.unreadable(&format!("/run records no {series}")))
     };
-    let pairs = run_file.counts("pair_evaluations")?.last().copied().unwrap_or(0);
+    let pairs = run_file.counts(Series::PairEvaluations)?.last().copied().unwrap_or(0);
     let work = Work {
-        rhs_evaluations: count("rhs_evaluations")?,
+        rhs_evaluations: count(Series::RhsEvaluations)?,
         pair_evaluations: pairs.max(0) as u64,
-        steps_accepted: count("steps_accepted")?,
-        steps_rejected: count("steps_rejected")?,
+        steps_accepted: count(Series::StepsAccepted)?,
+        steps_rejected: count(Series::StepsRejected)?,
         core_seconds: 0.0,
     };
     Ok(Sample { work, failure: None, numbers: numbers(&run_file.scene, plan, &held) })

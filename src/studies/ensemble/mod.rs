@@ -16,7 +16,7 @@ use crate::error::Error;
 use crate::studies::job_pool::Sample;
 pub use cases::{load, run};
 use measures::Followed;
-pub use measures::{MEASURES, Plan};
+pub use measures::{MEASURES, MeasureId, Plan};
 pub use request::{Request, Seeds, Vary};
 use std::path::Path;
 
@@ -66,12 +66,12 @@ pub fn check_cases(cases: &[Case]) -> Result<(), Error> {
 
 /// Writes all files into `folder` and returns the table for the terminal. Rank 0 only.
 ///
-/// The figures and the table show the measures `names`, or the usual ones if there are no names.
-pub fn write(folder: &Path, cases: &[Case], names: &[String]) -> Result<String, Error> {
+/// The figures and the table show the measures `wanted`, or the usual ones if it is empty.
+pub fn write(folder: &Path, cases: &[Case], wanted: &[MeasureId]) -> Result<String, Error> {
     let chosen: Vec<usize> = (0..MEASURES.len())
-        .filter(|&k| match names.is_empty() {
+        .filter(|&k| match wanted.is_empty() {
             true => MEASURES[k].usual,
-            false => names.iter().any(|name| *name == MEASURES[k].name),
+            false => wanted.contains(&MeasureId(k)),
         })
         .collect();
     let summary = summary::Summary::of(cases);

@@ -2,7 +2,7 @@
 
 mod table;
 
-use super::records::{Record, Statistic};
+use super::records::{Measure, Record, Statistic};
 use crate::beds::folder::cannot_write;
 use crate::error::Error;
 use serde::Serialize;
@@ -49,10 +49,11 @@ const ASKED_AND_COST: [&str; 11] = [
 ///
 /// Every measure of any run has a column, which is empty for runs without it. Numbers keep all digits.
 pub fn write_csv(path: &Path, records: &[Record]) -> Result<(), Error> {
-    let measures: BTreeSet<&str> =
-        records.iter().flat_map(|record| record.measures.keys().map(String::as_str)).collect();
+    let measures: BTreeSet<Measure> =
+        records.iter().flat_map(|record| record.measures.keys().copied()).collect();
     let mut writer = csv::Writer::from_path(path).map_err(|why| cannot_write(path, why))?;
-    let head = ASKED_AND_COST.into_iter().chain(measures.iter().copied()).chain(["failure"]);
+    let head =
+        ASKED_AND_COST.into_iter().chain(measures.iter().map(|measure| measure.name())).chain(["failure"]);
     writer.write_record(head).map_err(|why| cannot_write(path, why))?;
     for record in records {
         writer.write_record(row(record, &measures)).map_err(|why| cannot_write(path, why))?;
@@ -60,7 +61,7 @@ pub fn write_csv(path: &Path, records: &[Record]) -> Result<(), Error> {
     writer.flush().map_err(|why| cannot_write(path, why))
 }
 
-fn row(record: &Record, measures: &BTreeSet<&str>) -> Vec<String> {
+fn row(record: &Record, measures: &BTreeSet<Measure>) -> Vec<String> {
     let Record { study, variation, solver, seed, work, .. } = record;
     let mut row = vec![
         study.name().to_owned(),
@@ -75,7 +76,7 @@ fn row(record: &Record, measures: &BTreeSet<&str>) -> Vec<String> {
         work.steps_rejected.to_string(),
         number(Some(work.core_seconds)),
     ];
-    row.extend(measures.iter().map(|&name| number(record.measures.get(name).copied())));
+    row.extend(measures.iter().map(|measure| number(record.measures.get(measure).copied())));
     row.push(record.failure.clone().unwrap_or_default());
     row
 }
@@ -99,14 +100,14 @@ mod tests {
     use crate::ode::MethodName;
     use crate::studies::accuracy::records::{Solver, Stepper, Study, Work};
 
-    fn record(method: MethodName, measures: &[(&str, f64)], failure: Option<&str>) -> Record {
+    fn record(method: MethodName, measures: &[(Measure, f64)], failure: Option<&str>) -> Record {
         Record {
             study: Study::Impact,
             variation: None,
             solver: Solver { method: Stepper::Method(method), tolerance: Some(1e-3), step: None },
             seed: Some(7),
             work: Work { rhs_evaluations: 1234, core_seconds: 0.1 + 0.2, ..Work::default() },
-            measures: measures.iter().map(|&(name, value)| (name.to_owned(), value)).collect(),
+            measures: measures.iter().copied().collect(),
             failure: failure.map(str::to_owned),
         }
     }
@@ -118,15 +119,19 @@ mod tests {
         let why = "no step, \"h\" too small\nat t = 0.1 s";
         let tiny = f64::MIN_POSITIVE / 3.0;
         let records = [
-            record(MethodName::Merson, &[("b (m)", tiny), ("a", f64::INFINITY)], None),
-            record(MethodName::Auto, &[("c", 1.0)], Some(why)),
+            record(
+                MethodName::Merson,
+                &[(Measure::PositionError, tiny), (Measure::ContactError, f64::INFINITY)],
+                None,
+            ),
+            record(MethodName::Auto, &[(Measure::Restitution, 1.0)], Some(why)),
         ];
         write_csv(&path, &records).unwrap();
 
         let mut reader = csv::Reader::from_path(&path).unwrap();
         let head: Vec<String> = reader.headers().unwrap().iter().map(str::to_owned).collect();
         assert_eq!(head[..11], ASKED_AND_COST);
-        assert_eq!(head[11..], ["a", "b (m)", "c", "failure"]);
+        assert_eq!(head[11..], ["error of contact time", "position error (m)", "restitution", "failure"]);
         let rows: Vec<csv::StringRecord> = reader.records().map(|row| row.unwrap()).collect();
         assert_eq!(rows.len(), 2);
         assert_eq!((&rows[0][2], &rows[0][4], &rows[0][5], &rows[0][6]), ("merson", "", "7", "1234"));
@@ -155,11 +160,11 @@ mod tests {
         let report = Report {
             scene: "[time]\nend = 1.0\n".to_owned(),
             version: "0.1.0".to_owned(),
-            records: vec![record(MethodName::Merson, &[("error", f64::NAN)], None)],
+            records: vec![record(MethodName::Merson, &[(Measure::PositionError, f64::NAN)], None)],
             statistics: vec![Statistic {
                 variation: None,
                 solver,
-                measure: "height (m)".to_owned(),
+                measure: Measure::BedHeight,
                 interval: one_run,
                 paired: None,
             }],
@@ -172,9 +177,10 @@ mod tests {
         let read: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
         assert_eq!(read["records"][0]["study"], "impact");
         assert_eq!(read["records"][0]["work"]["core_seconds"].as_f64(), Some(0.1 + 0.2));
-        assert!(read["records"][0]["measures"]["error"].is_null());
+        assert!(read["records"][0]["measures"]["position error (m)"].is_null());
         assert!(read["statistics"][0]["interval"]["half_width"].is_null());
         assert_eq!(read["statistics"][0]["interval"]["count"], 1);
+        assert_eq!(read["statistics"][0]["measure"], "bed height (m)");
         assert!(read["decorrelation_time"].is_null());
         assert_eq!(read["scene"], report.scene);
     }

@@ -3,7 +3,7 @@
 use crate::beds::text::shortened;
 use crate::math::digits::{scientific, significant};
 use crate::math::interval::Interval;
-use crate::studies::accuracy::records::{Record, Solver, Statistic, Study};
+use crate::studies::accuracy::records::{Measure, Record, Solver, Statistic, Study};
 use std::collections::BTreeSet;
 
 /// Largest number of measures of a study that have a column. The others are only in the CSV file.
@@ -39,35 +39,33 @@ pub fn table(records: &[Record], statistics: &[Statistic]) -> String {
 
 /// One line for each run.
 fn runs(records: &[&Record]) -> String {
-    let names: BTreeSet<&str> =
-        records.iter().flat_map(|record| record.measures.keys().map(String::as_str)).collect();
-    let shown: Vec<&str> = names.iter().copied().take(MOST_MEASURES).collect();
-    let mut grid =
-        Grid::new(&["variation", "method", "tolerance", "right-hand sides", "core seconds"], &shown);
+    let all: BTreeSet<Measure> = records.iter().flat_map(|record| record.measures.keys().copied()).collect();
+    let names: Vec<&str> = all.iter().map(|measure| measure.name()).collect();
+    let shown: Vec<Measure> = all.into_iter().take(MOST_MEASURES).collect();
+    let mut grid = Grid::new(
+        &["variation", "method", "tolerance", "right-hand sides", "core seconds"],
+        &names[..shown.len()],
+    );
     for record in records {
         let mut line = asked(record.variation.as_deref(), &record.solver);
         line.push(record.work.rhs_evaluations.to_string());
         line.push(scientific(record.work.core_seconds, 2));
-        line.extend(
-            shown.iter().map(|&name| record.measures.get(name).map_or("-".to_owned(), |&v| cell(name, v))),
-        );
+        line.extend(shown.iter().map(|measure| {
+            record.measures.get(measure).map_or("-".to_owned(), |&value| cell(*measure, value))
+        }));
         let reason = record.failure.as_ref().map(|why| format!("failed: {}", shortened(why, REASON)));
         grid.push(line, reason);
     }
     let mut text = grid.text();
     if names.len() > shown.len() {
-        text += &format!(
-            "  also in the CSV file: {}\n",
-            Vec::from_iter(names.into_iter().skip(shown.len())).join(", ")
-        );
+        text += &format!("  also in the CSV file: {}\n", names[shown.len()..].join(", "));
     }
     text
 }
 
 /// A measure as text. An error needs its order of magnitude, any other quantity its digits.
-fn cell(name: &str, value: f64) -> String {
-    let is_error = ["error", "drift", "balance"].iter().any(|word| name.contains(word));
-    if is_error { scientific(value, 2) } else { significant(value, 6) }
+fn cell(measure: Measure, value: f64) -> String {
+    if measure.is_error() { scientific(value, 2) } else { significant(value, 6) }
 }
 
 /// One line for each solver, with the means over its seeds.
@@ -104,7 +102,7 @@ fn means(statistics: &[Statistic]) -> String {
     for statistic in statistics {
         let mut line = asked(statistic.variation.as_deref(), &statistic.solver);
         let Interval { mean, half_width, count } = statistic.interval;
-        line.extend([statistic.measure.clone(), significant(mean, 4), scientific(half_width, 1)]);
+        line.extend([statistic.measure.to_string(), significant(mean, 4), scientific(half_width, 1)]);
         line.push(count.to_string());
         line.extend(match statistic.paired {
             Some(paired) => [scientific(paired.mean, 2), scientific(paired.half_width, 1)],
@@ -188,7 +186,7 @@ mod tests {
             solver: Solver { method: Stepper::Method(method), tolerance: Some(1e-3), step: None },
             seed: None,
             work: Work { rhs_evaluations: 12_345, core_seconds: 0.25, ..Work::default() },
-            measures: [("error (m)".to_owned(), 1.234e-7)].into_iter().collect(),
+            measures: [(Measure::PositionError, 1.234e-7)].into_iter().collect(),
             failure: failure.map(str::to_owned),
         }
     }
@@ -202,9 +200,9 @@ mod tests {
         assert_eq!(
             text,
             "impact
-  method           tolerance  right-hand sides  core seconds  error (m)
-  merson                1e-3             12345        2.5e-1    1.23e-7
-  velocity-verlet     1e-5 s             12345        2.5e-1    1.23e-7
+  method           tolerance  right-hand sides  core seconds  position error (m)
+  merson                1e-3             12345        2.5e-1             1.23e-7
+  velocity-verlet     1e-5 s             12345        2.5e-1             1.23e-7
 "
         );
     }
@@ -235,7 +233,7 @@ mod tests {
         let statistic = Statistic {
             variation: Some("contact.stiffness_exponent=30".to_owned()),
             solver: Solver { method: Stepper::Method(MethodName::Merson), tolerance: Some(1e-3), step: None },
-            measure: "height (m)".to_owned(),
+            measure: Measure::BedHeight,
             interval: Interval { mean: 0.51234, half_width: f64::INFINITY, count: 1 },
             paired: Some(Interval { mean: -2e-6, half_width: 1e-6, count: 9 }),
         };
@@ -243,7 +241,7 @@ mod tests {
         let last = text.lines().last().unwrap();
         assert_eq!(
             last.split_whitespace().collect::<Vec<_>>()[1..],
-            ["merson", "1e-3", "height", "(m)", "0.5123", "inf", "1", "-2e-6", "1e-6"]
+            ["merson", "1e-3", "bed", "height", "(m)", "0.5123", "inf", "1", "-2e-6", "1e-6"]
         );
         assert!(last.contains("contact.stiffness_exponent=30"));
     }
