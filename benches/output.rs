@@ -4,8 +4,8 @@
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use demhybrid::domain::Solo;
 use demhybrid::domain::rows::ById;
-use demhybrid::files::output::{Measures, Output, Quantity, Rows, RunInfo, Seconds};
-use demhybrid::model::columns::{position, spin, velocity};
+use demhybrid::files::output::{Contents, Measures, Output, Rows, RunInfo, Seconds};
+use demhybrid::model::columns::{Column, Columns};
 use demhybrid::ode::{Limit, MethodName, NormName};
 use std::fs::File;
 use std::io::Write;
@@ -71,22 +71,20 @@ fn output(c: &mut Criterion) {
     let y: Vec<f64> = ids.iter().flat_map(|&id| body(id)).collect();
     let append = |mut output: Output<'static>| {
         let bodies = ById::new(&Solo, COUNT, &ids, &y, NUMBERS);
-        let column = |quantity| {
-            let vector = |row: &[f64]| match quantity {
-                Quantity::Position => position(row).into(),
-                Quantity::Velocity => velocity(row).into(),
-                Quantity::AngularVelocity => spin(row).into(),
-            };
-            bodies.map(vector)
+        let numbers = |column: &Column| {
+            let (_, range) = Columns::new(true).find(&column.name).expect("it is one of the state");
+            bodies.columns(range)
         };
-        output.append(&Rows { first: 0, column: &column }, &measures()).expect("it can be written");
+        output.append(&Rows { first: 0, numbers: &numbers }, &measures()).expect("it can be written");
         // Under MPI-IO the writer does that by itself.
         File::open(&ours).and_then(|file| file.sync_all()).expect("it can be synchronised");
         output
     };
     // What all frames share, 32 bytes a particle, is on the disk before the clock starts.
     let create = || {
-        let output = Output::create(&Solo, &ours, &info(), COUNT, 0.1, true, 0..COUNT);
+        let contents = Contents { count: COUNT, radius: 0.1, columns: &Columns::new(true) };
+        let none = |_: &Column| panic!("all columns change");
+        let output = Output::create(&Solo, &ours, &info(), &contents, 0..COUNT, &none);
         File::open(&ours).and_then(|file| file.sync_all()).expect("it can be synchronised");
         output.expect("it can be created")
     };

@@ -16,7 +16,7 @@
 //! | [`engine`] | the solver: neighbour lists, kernel, forces, right-hand side, and the driver of a run |
 //! | [`domain`] | ranks: communicator, slabs, ghosts, migration, agreement on errors |
 //! | [`scene`] | the scene: from TOML text to checked values; keys, schema, walls and initial condition |
-//! | [`model`] | what is simulated, as pure functions: contact law, walls, effects, state of a particle |
+//! | [`model`] | what is simulated, as pure functions: contact law, walls, effects, columns of a particle |
 //! | [`ode`] | methods for y' = f(t, y): tables, step control, spectral radius, method switch |
 //! | [`math`] | mathematics: vectors, elementary functions, exact sums, vector instructions, statistics |
 //! | [`threads`] | loops shared out over threads, and memory in large pages |
@@ -31,12 +31,10 @@
 //! | (2.3), (2.5) | repulsive force, pairs and walls | [`model::contact::Law::action`] |
 //! | (2.4) | rebound function | [`model::contact::Rebound::share`] |
 //! | (2.6), (2.9) | friction, pairs and walls | [`model::contact::Tangential::friction`] |
-//! | (2.7), (2.10) | slip | [`model::contact::Law::action`], [`Spin::less_surface_velocity`] |
+//! | (2.7), (2.10) | slip | [`model::contact::Law::action`] |
 //! | (2.8) | limiter | [`model::contact::Coulomb::limiter_over_slip`] |
-//! | (2.11), (2.12) | torque | [`model::particle::Spin::torque`] |
+//! | (2.11), (2.12) | torque | [`model::contact::Law::action`] |
 //! | (2.13)-(2.15) | equations of motion | [`engine::forces::Forces::finish_stage`] |
-//!
-//! [`Spin::less_surface_velocity`]: model::particle::Spin::less_surface_velocity
 //!
 //! # One step
 //!

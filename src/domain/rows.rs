@@ -77,6 +77,13 @@ impl<'a> ById<'a> {
         threads::collect(self.slots.len(), GRAIN, |i| of(self.row(i)))
     }
 
+    /// The numbers in some columns of each row, in id order, collected by the threads of this rank.
+    pub fn columns(&self, columns: Range<usize>) -> Vec<f64> {
+        let width = columns.len();
+        let number = |k: usize| self.row(k / width)[columns.start + k % width];
+        threads::collect(self.slots.len() * width, GRAIN, number)
+    }
+
     /// The rows in id order.
     pub fn iter(&self) -> impl Iterator<Item = &[f64]> {
         (0..self.slots.len()).map(|i| self.row(i))
@@ -114,6 +121,7 @@ mod tests {
                 let rows = ById::new(comm, count, &ids, &y, 4);
                 let expected: Vec<_> = block(count, comm.rank(), ranks).map(|id| body(id).to_vec()).collect();
                 assert_eq!(rows.map(|row| row.to_vec()), expected);
+                assert_eq!(rows.columns(1..3), [1.0, 2.0].repeat(expected.len()));
                 assert_eq!(rows.is_empty(), expected.is_empty());
             });
         }

@@ -377,7 +377,7 @@ mod tests {
         let action = law(Coulomb::new(0.2, 0.01)).action::<Separate>(-0.002, &Vec3::x(), &v_rel, &Vec3::y());
         assert_eq!(action.torque, Vec3::zeros());
         let f = 10.0 * (0.3f64).exp();
-        // Friction is not reduced by rho although the contact is opening; see docs/design.md on effective
+        // Friction is not reduced by rho although the contact is opening; see docs/model.md on effective
         // friction.
         assert!((action.force.y + 0.2 * f).abs() < 1e-12);
         assert!((action.force.x - f * Dissipative::new(0.4, 10.0).share::<Separate>(-0.3)).abs() < 1e-12);

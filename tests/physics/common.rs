@@ -5,14 +5,12 @@
 
 use demhybrid::domain::Solo;
 use demhybrid::engine::forces::BodyParameters;
-use demhybrid::engine::kernel::{Kernel, compiled};
+use demhybrid::engine::kernel::compiled;
 use demhybrid::engine::simulation::{Counts, Frame, Outcome, Physics, Simulation, parameters};
 use demhybrid::error::Error;
-use demhybrid::math::instructions::InstructionSet;
 use demhybrid::math::vector::Vec3;
 use demhybrid::model::columns::{position, spin, velocity};
 use demhybrid::model::contact::{Rebound, Tangential};
-use demhybrid::ode::MethodName;
 use demhybrid::scene::initial_condition::{self, InitialCondition};
 use demhybrid::scene::{Scene, effects};
 use std::path::{Path, PathBuf};
@@ -237,19 +235,8 @@ fn run_physics<R: Rebound, T: Tangential>(
     parameters: BodyParameters,
 ) -> Result<Run, Error> {
     let law = effects::law(scene);
-    let kernel = |set: InstructionSet| -> Box<dyn Kernel> {
-        if T::TURNS {
-            compiled::<R, T, 9>(law, rebound, tangential, set)
-        } else {
-            compiled::<R, T, 6>(law, rebound, tangential, set)
-        }
-    };
-    // The scene decides what columns the state has. With its method fixed, its friction decides nothing else.
-    assert_ne!(scene.solver.method, MethodName::Auto);
-    let mut scene = scene.clone();
-    let friction = scene.friction.as_mut().expect("the scene has friction");
-    (friction.coefficient, friction.rotation) = (1.0, T::TURNS);
-    collect(Simulation::with_physics(&scene, start, Physics { kernel: &kernel, parameters }, &Solo)?)
+    let kernel = |set| compiled(law, rebound, tangential, set);
+    collect(Simulation::with_physics(scene, start, Physics { kernel: &kernel, parameters }, &Solo)?)
 }
 
 fn collect(simulation: Simulation) -> Result<Run, Error> {

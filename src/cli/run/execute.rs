@@ -9,8 +9,8 @@ use crate::engine::dynamics::Clocks;
 use crate::engine::simulation::{Frame, FrameSummary, Observer, Outcome, Simulation, Snapshot};
 use crate::error::Error;
 use crate::files::checkpoint::{self, Header};
-use crate::files::output::{self, Measures, Output, Quantity, Rows, RunInfo, Seconds};
-use crate::model::columns::{position, spin, velocity};
+use crate::files::output::{self, Contents, Measures, Output, Rows, RunInfo, Seconds};
+use crate::model::columns::Column;
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 use fail::fail_point;
@@ -125,14 +125,14 @@ impl Execution<'_> {
         &self,
         comm: &'c dyn Comm,
         info: &RunInfo,
-        count: u64,
+        contents: &Contents,
         frames: u64,
-        rotation: bool,
     ) -> Result<Output<'c>, Error> {
-        let (scene, path) = (self.scene, self.path);
+        let path = self.path;
         if let Beginning::Start = self.beginning {
-            let block = rows::block(count, comm.rank(), comm.size());
-            let created = Output::create(comm, path, info, count, scene.particles.radius, rotation, block)?;
+            let block = rows::block(contents.count, comm.rank(), comm.size());
+            let numbers = |column: &Column| self.start.numbers(column, block.clone());
+            let created = Output::create(comm, path, info, contents, block.clone(), &numbers)?;
             if comm.rank() == 0 {
                 checkpoint::clear(path);
             }
@@ -144,7 +144,7 @@ impl Execution<'_> {
             };
             output::prepare(path, frames, info).map(|()| String::new()).map_err(unusable)
         })?;
-        Output::open(comm, path, info.energy, count, rotation, frames)
+        Output::open(comm, path, info.energy, contents, frames)
     }
 }
 
@@ -152,7 +152,7 @@ impl Execution<'_> {
     /// Runs the scene to its end, or until it is stopped. Collective.
     pub(super) fn run(self) -> Result<(), Error> {
         let Ground { args, comm, started, .. } = *self.ground;
-        let (scene, rotation) = (self.scene, self.scene.rotates());
+        let scene = self.scene;
         let interrupts = agree(
             comm,
             Interrupts::listen(scene, self.path, comm.rank(), started)
@@ -163,7 +163,9 @@ impl Execution<'_> {
         let Ready { mut simulation, count, velocity_scale, course, frames, next, serial, wall_seconds } =
             ready;
         let info = self.info(velocity_scale);
-        let output = self.output(comm, &info, count, frames, rotation)?;
+        let columns = &simulation.columns().clone();
+        let contents = Contents { count, radius: scene.particles.radius, columns };
+        let output = self.output(comm, &info, &contents, frames)?;
         simulation.listen_to(&request);
         let mut recorder = Recorder {
             comm,
@@ -266,15 +268,7 @@ impl Recorder<'_> {
 impl Observer for Recorder<'_> {
     fn frame(&mut self, frame: &Frame) -> Result<(), Error> {
         fail_point!("output");
-        let column = |quantity| {
-            let vector = |row: &[f64]| match quantity {
-                Quantity::Position => position(row).into(),
-                Quantity::Velocity => velocity(row).into(),
-                Quantity::AngularVelocity => spin(row).into(),
-            };
-            frame.rows.map(vector)
-        };
-        let rows = Rows { first: frame.first, column: &column };
+        let rows = Rows { first: frame.first, numbers: &|column| frame.numbers(column) };
         let counts = frame.counts;
         let measures = Measures {
             time: frame.time,

@@ -104,22 +104,26 @@ fn with_rebound<R: Rebound>(
 ) -> Box<dyn Kernel> {
     let friction = Coulomb::new(law.phi, law.v_min);
     match variant {
-        Variant::Basic => compiled::<_, _, 6>(law, rebound, Frictionless, set),
-        Variant::Friction => compiled::<_, _, 6>(law, rebound, friction, set),
-        Variant::FrictionRotation => compiled::<_, _, 9>(law, rebound, Turning(friction), set),
+        Variant::Basic => compiled(law, rebound, Frictionless, set),
+        Variant::Friction => compiled(law, rebound, friction, set),
+        Variant::FrictionRotation => compiled(law, rebound, Turning(friction), set),
     }
 }
 
-/// A kernel with a law of one's own. `N` is the number of columns of the state: 9 where friction turns the
-/// spheres ([`Tangential::TURNS`]), else 6.
-pub fn compiled<R: Rebound, T: Tangential, const N: usize>(
+/// A kernel with a law of one's own. The state has angular velocities if friction turns the spheres
+/// ([`Tangential::TURNS`]).
+pub fn compiled<R: Rebound, T: Tangential>(
     law: LawParameters,
     rebound: R,
     tangential: T,
     set: InstructionSet,
 ) -> Box<dyn Kernel> {
-    assert_eq!(N, if T::TURNS { SPIN.end } else { VELOCITY.end }, "columns of the state");
-    Box::new(Compiled::<R, T, N> { law: Law { parameters: law, rebound, tangential }, set })
+    let law = Law { parameters: law, rebound, tangential };
+    if T::TURNS {
+        Box::new(Compiled::<R, T, { SPIN.end }> { law, set })
+    } else {
+        Box::new(Compiled::<R, T, { VELOCITY.end }> { law, set })
+    }
 }
 
 /// A kernel for one combination of effects.

@@ -163,7 +163,7 @@ fn measured(kernel: &dyn Kernel, set: InstructionSet, blocks: usize, what: What)
 /// A contact law compiled in, whose terms the test knows one by one.
 fn check_measure<R: Rebound, T: Tangential, const N: usize>(rebound: R, tangential: T, what: What) {
     let law = Law { parameters: LAW, rebound, tangential };
-    let compiled = |set| compiled::<R, T, N>(LAW, rebound, tangential, set);
+    let compiled = |set| compiled(LAW, rebound, tangential, set);
     for set in InstructionSet::available() {
         let one = measured(&*compiled(set), set, 1, what);
         for blocks in [2, 7] {

@@ -15,7 +15,7 @@ use crate::scene::{DEFAULT_TOLERANCE, Scene};
 /// the squared velocity scale over the radius.
 ///
 /// At the default tolerance this is a four-thousandth of the weight of a sphere. Positions in a bed are then
-/// as accurate as with all contacts, within the spread over initial conditions (docs/design.md).
+/// as accurate as with all contacts, within the spread over initial conditions (docs/decisions/012).
 const UNSEEN: f64 = 2.5e-3;
 
 /// The force of a contact that is left out is always less than this share of F_0.

@@ -7,7 +7,7 @@ use crate::engine::forces::BodyParameters;
 use crate::engine::kernel::{Kernel, kernel};
 use crate::error::{Error, StopRequest};
 use crate::math::instructions::InstructionSet;
-use crate::model::columns::Columns;
+use crate::model::columns::{Changes, Column, Columns, SPIN};
 use crate::model::effects::{Effects, Variant};
 use crate::ode::integrator::{AutoPlan, Integrator};
 use crate::ode::{
@@ -86,6 +86,21 @@ pub struct Frame<'a> {
     pub constants: &'a ById<'a>,
     /// The columns of the particles.
     pub columns: &'a Columns,
+}
+
+impl Frame<'_> {
+    /// The numbers of a column of the particles in `rows`, row after row.
+    ///
+    /// # Panics
+    ///
+    /// Panics if the particles have no such column.
+    pub fn numbers(&self, column: &Column) -> Vec<f64> {
+        let (changes, range) = self.columns.find(&column.name).expect("particles have this column");
+        match changes {
+            Changes::EveryStage => self.rows.columns(range),
+            Changes::WithLists => self.constants.columns(range),
+        }
+    }
 }
 
 /// Receives the frames and checkpoints of a run.
@@ -272,7 +287,7 @@ impl<'c> Simulation<'c> {
         Self::with_physics(scene, start, physics, comm)
     }
 
-    /// `new` with other physics than the scene's.
+    /// `new` with other physics than the scene's. The kernel decides whether spheres rotate.
     pub fn with_physics(
         scene: &Scene,
         start: &InitialCondition,
@@ -280,10 +295,11 @@ impl<'c> Simulation<'c> {
         comm: &'c dyn Comm,
     ) -> Result<Self, Error> {
         let ids = rows::block(start.x.len() as u64, comm.rank(), comm.size());
-        let (columns, mut y, constants) = start.rows(ids.clone(), scene.rotates());
+        let Physics { kernel, parameters } = physics;
+        let rotation = kernel(InstructionSet::Baseline).width() == SPIN.end;
+        let (columns, mut y, constants) = start.rows(ids.clone(), rotation);
         let scale = initial_condition::velocity_scale(scene, start);
         let particles = Particles { ids: ids.collect(), columns, constants, y: &mut y };
-        let Physics { kernel, parameters } = physics;
         let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut [])?;
         if scene.output.energy {
             dynamics.audit();
@@ -306,7 +322,7 @@ impl<'c> Simulation<'c> {
 
     /// A run without particles, before its first step.
     fn at_rest(scene: &Scene, comm: &'c dyn Comm, dynamics: Dynamics<'c>, scale: f64) -> Self {
-        let (norm, control) = error_control(scene, scale);
+        let (norm, control) = error_control(scene, scale, dynamics.columns());
         let h = control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step));
         Simulation {
             comm,
@@ -325,6 +341,11 @@ impl<'c> Simulation<'c> {
             memory: None,
             clock: WallClock { started: Instant::now(), output_seconds: 0.0 },
         }
+    }
+
+    /// What each particle carries.
+    pub fn columns(&self) -> &Columns {
+        self.dynamics.columns()
     }
 
     /// The equations of motion.
@@ -585,14 +606,13 @@ pub fn parameters(scene: &Scene) -> BodyParameters {
 }
 
 /// How errors are measured and step sizes chosen. Velocities are compared with `scale` (m/s).
-fn error_control(scene: &Scene, scale: f64) -> (Norm, StepControl) {
+fn error_control(scene: &Scene, scale: f64, columns: &Columns) -> (Norm, StepControl) {
     let (solver, r) = (&scene.solver, scene.particles.radius);
     let paper = solver.norm == NormName::Paper;
     // Positions over the radius, velocities over the scale, and spins as the velocities of surfaces.
     let [x, v, omega] = if paper { [1.0; 3] } else { [1.0 / r, 1.0 / scale, r / scale] };
     let weights = [x, x, x, v, v, v, omega, omega, omega];
-    let width = if scene.rotates() { 9 } else { 6 };
-    let norm = Norm { weights: vec![weights[..width].to_vec()], rate: paper };
+    let norm = Norm { weights: vec![weights[..columns.width(Changes::EveryStage)].to_vec()], rate: paper };
     let control = match solver.step {
         Some(step) => StepControl::new(StepRule::Fixed, 1.0, step, step),
         None => {

@@ -2,14 +2,15 @@
 
 use super::{Header, bytes, look, read, slot, slots, verify, write};
 use crate::domain::comm::team::team;
-use crate::domain::{Comm, Solo};
+use crate::domain::{Comm, Solo, rows};
 use crate::engine::simulation::{Counts, Frame, FrameSummary, Observer, Simulation, Snapshot};
 use crate::error::{Error, StopRequest};
-use crate::model::columns::Columns;
+use crate::model::columns::{Changes, Column, Columns};
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 use std::cell::Cell;
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use tempfile::TempDir;
@@ -31,8 +32,21 @@ fn scene(sets: &[&str]) -> Scene {
     Scene::parse("a.toml", SCENE, &sets).unwrap()
 }
 
+/// A column that travels with the particles and does not act on them.
+fn tag() -> Column {
+    let (name, unit) = ("tag".to_owned(), "1".to_owned());
+    Column { name, width: 2, unit, changes: Changes::WithLists, in_file: true }
+}
+
+/// The tags of the particles with these ids.
+fn tags(ids: Range<u64>) -> Vec<f64> {
+    ids.flat_map(|id| [id as f64, 0.5 - id as f64]).collect()
+}
+
 fn start(scene: &Scene) -> InitialCondition {
-    initial_condition::grid(scene, scene.particles.grid.as_ref().unwrap())
+    let mut start = initial_condition::grid(scene, scene.particles.grid.as_ref().unwrap());
+    start.columns.push((tag(), tags(0..start.x.len() as u64)));
+    start
 }
 
 /// The frames of a run: bits of the time, bits of states by id, counts, and bits of further measures.
@@ -51,6 +65,8 @@ struct Camera<'a> {
 impl Observer for Camera<'_> {
     fn frame(&mut self, frame: &Frame) -> Result<(), Error> {
         let bits = |row: &[f64]| row.iter().map(|number| number.to_bits()).collect::<Vec<_>>();
+        let tags = tags(rows::block(60, self.comm.rank(), self.comm.size()));
+        assert_eq!(frame.numbers(&tag()), tags, "tags stay with their particles");
         // Every rank has another block. So only the first 15 particles are compared. On up to 4 ranks, rank 0
         // has them.
         let bits = frame.rows.map(bits).into_iter().take(15).flatten().collect();
@@ -247,7 +263,9 @@ fn a_byte_that_is_wrong_anywhere_is_found() {
     let (_folder, path) = sound();
     assert_eq!(refusal(&path), None);
     let whole = fs::read(&path).unwrap();
-    assert!(whole.len() as u64 <= bytes(60, &Columns::new(true)));
+    let mut columns = Columns::new(true);
+    columns.push(tag());
+    assert!(whole.len() as u64 <= bytes(60, &columns));
     // Every byte of the header and the table, and some bytes between.
     let near_an_end = |at: &usize| *at < 2000 || at + 100 > whole.len() || at.is_multiple_of(97);
     let mut tried = 0;

@@ -98,6 +98,14 @@ impl Transfer {
         write(&self.together, dataset, first, rows)
     }
 
+    /// Writes this rank's rows of a column, possibly none, to `dataset` from row `first` on. Collective.
+    ///
+    /// A row has `width` numbers; the dataset has the shape that [`column_shape`] states.
+    pub fn write_column(&self, dataset: &Dataset, first: u64, width: usize, numbers: &[f64]) -> Result<()> {
+        let rows = Memory { rows: numbers.len() / width, shape: column_shape(&width), numbers };
+        write_block(&self.together, dataset, first, &rows)
+    }
+
     /// Writes `rows` to `dataset` from row `first` on. One rank alone calls this.
     ///
     /// It is for small arrays, which one rank holds. The space must be allocated already. MPI-IO files
@@ -141,22 +149,48 @@ fn transfer_list() -> Result<PropertyList> {
     hdf5::sync::sync(|| unsafe { hdf5::from_id(h5check(H5Pcreate(*H5P_CLS_DATASET_XFER))?) })
 }
 
+/// Shape of one row of a column of this `width`: a plain number has none.
+pub fn column_shape(width: &usize) -> &[usize] {
+    if *width == 1 { &[] } else { std::slice::from_ref(width) }
+}
+
+/// Rows in memory, as numbers of type `N`.
+struct Memory<'a, N> {
+    rows: usize,
+    /// Shape of one row.
+    shape: &'a [usize],
+    numbers: &'a [N],
+}
+
 fn write<R: Row>(list: &PropertyList, dataset: &Dataset, first: u64, rows: &[R]) -> Result<()> {
+    let count = rows.len() * R::SHAPE.iter().product::<usize>();
+    // SAFETY: a row is exactly as many numbers as the product of its shape, without padding.
+    let numbers = unsafe { std::slice::from_raw_parts(rows.as_ptr().cast::<R::Number>(), count) };
+    write_block(list, dataset, first, &Memory { rows: rows.len(), shape: R::SHAPE, numbers })
+}
+
+fn write_block<N: H5Type>(
+    list: &PropertyList,
+    dataset: &Dataset,
+    first: u64,
+    memory: &Memory<N>,
+) -> Result<()> {
+    let &Memory { rows, shape, numbers } = memory;
+    debug_assert_eq!(numbers.len(), rows * shape.iter().product::<usize>(), "all rows are whole");
     // The memory space has the shape of the block in the file, because HDF5 is much slower with a flat one. A
     // rank without rows takes part with two empty selections. Its memory space has one unselected row.
-    let shape = |rows: usize| -> Vec<usize> { [&[rows.max(1)], R::SHAPE].concat() };
-    let in_memory = Dataspace::try_new(shape(rows.len()))?;
+    let extent = [&[rows.max(1)], shape].concat();
+    let in_memory = Dataspace::try_new(&extent[..])?;
     let in_file = dataset.space()?;
-    let number = Datatype::from_type::<R::Number>()?;
-    let mut start = vec![0; 1 + R::SHAPE.len()];
+    let number = Datatype::from_type::<N>()?;
+    let mut start = vec![0; extent.len()];
     start[0] = first;
-    let block: Vec<u64> = shape(rows.len()).iter().map(|&n| n as u64).collect();
+    let block: Vec<u64> = extent.iter().map(|&n| n as u64).collect();
     debug_assert_eq!(in_file.ndim(), start.len(), "rows have the shape of the dataset");
     // SAFETY: `start` and `block` have one entry per dimension; a null stride and block mean 1. The memory
-    // space holds exactly the numbers of `rows`, an array of `R::Number` without padding, or nothing is
-    // selected in it.
+    // space holds exactly the numbers of `rows` rows, or nothing is selected in it.
     hdf5::sync::sync(|| unsafe {
-        if rows.is_empty() {
+        if rows == 0 {
             h5check(H5Sselect_none(in_memory.id()))?;
             h5check(H5Sselect_none(in_file.id()))?;
         } else {
@@ -175,7 +209,7 @@ fn write<R: Row>(list: &PropertyList, dataset: &Dataset, first: u64, rows: &[R])
             in_memory.id(),
             in_file.id(),
             list.id(),
-            rows.as_ptr().cast::<c_void>(),
+            numbers.as_ptr().cast::<c_void>(),
         ))
     })?;
     Ok(())

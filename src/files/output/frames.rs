@@ -10,12 +10,15 @@ use hdf5::plist::dataset_create::{AllocTime, FillTime};
 use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, Extent, File, FileBuilder, Group, Location, Result};
 
-use super::collective::{Row, Transfer};
-use super::{Measures, Quantity, Rows, RunInfo, mpio};
+use super::collective::{Row, Transfer, column_shape};
+use super::{Contents, Measures, Numbers, Rows, RunInfo, mpio};
 use crate::domain::comm::Comm;
 use crate::files::names::Series;
+use crate::model::columns::{Changes, Column as ParticleColumn, Columns};
 use crate::ode::Limit;
 
+/// Name of the column of positions.
+const POSITION: &str = "position";
 /// Rows in a chunk of the small arrays, which have one row per frame.
 const FRAMES_PER_CHUNK: u64 = 1024;
 /// Longest scene that is written as an attribute, bytes. A longer one becomes a dataset.
@@ -88,11 +91,16 @@ struct Column<N> {
     measure: fn(&Measures) -> N,
 }
 
+/// A column of the particles that changes from frame to frame.
+struct StateColumn {
+    array: Dataset,
+    column: ParticleColumn,
+}
+
 /// The open file. Rust drops the fields in this order: arrays, groups, file.
 pub struct Frames {
-    position: Dataset,
-    velocity: Dataset,
-    angular_velocity: Option<Dataset>,
+    /// The columns of the particles that change from frame to frame.
+    state: Vec<StateColumn>,
     /// `NumberOfPoints`.
     sizes: Dataset,
     schedules: Vec<Schedule>,
@@ -121,20 +129,17 @@ impl Frames {
         comm: &dyn Comm,
         path: &Path,
         info: &RunInfo,
-        count: u64,
-        radius: f64,
-        rotation: bool,
+        contents: &Contents,
         id_rows: Range<u64>,
+        constants: &Numbers,
     ) -> Result<Self> {
         let file = options(comm)?.create(path)?;
         // Closing the file is collective. If this rank fails below, the second handle keeps the file open.
         let keep_open = file.clone();
-        let created = Self::lay_out(comm, (file, path), &Ground::New(info), count, rotation);
-        created.and_then(|frames| frames.write_static(comm, radius, id_rows).map(|()| frames)).inspect_err(
-            |_| {
-                mem::forget(keep_open);
-            },
-        )
+        let created = Self::lay_out(comm, (file, path), &Ground::New(info), contents);
+        let written = created
+            .and_then(|frames| frames.write_static(comm, contents, id_rows, constants).map(|()| frames));
+        written.inspect_err(|_| mem::forget(keep_open))
     }
 
     /// Opens the file of an earlier process. Collective.
@@ -144,25 +149,22 @@ impl Frames {
         comm: &dyn Comm,
         path: &Path,
         energy: bool,
-        count: u64,
-        rotation: bool,
+        contents: &Contents,
         complete: u64,
     ) -> Result<Self> {
         let file = options(comm)?.open_rw(path)?;
         let keep_open = file.clone();
         let ground = Ground::Found { energy, complete };
-        Self::lay_out(comm, (file, path), &ground, count, rotation).inspect_err(|_| {
-            mem::forget(keep_open);
-        })
+        Self::lay_out(comm, (file, path), &ground, contents).inspect_err(|_| mem::forget(keep_open))
     }
 
     fn lay_out(
         comm: &dyn Comm,
         (file, path): (File, &Path),
         ground: &Ground,
-        count: u64,
-        rotation: bool,
+        contents: &Contents,
     ) -> Result<Self> {
+        let count = contents.count;
         let transfer = Transfer::new(comm.raw())?;
         let writes_small = comm.rank() == 0;
         let root = ground.group(&file, "VTKHDF")?;
@@ -196,9 +198,9 @@ impl Frames {
         // Every point array needs offsets, even one that all frames share. Without them ParaView crashes.
         schedule(&offsets, "id", 0, 0)?;
         schedule(&offsets, "radius", 0, 0)?;
-        schedule(&offsets, "velocity", 0, n)?;
-        if rotation {
-            schedule(&offsets, "angular_velocity", 0, n)?;
+        for column in in_file(contents.columns).filter(|column| column.name != POSITION) {
+            let stride = if column.changes == Changes::EveryStage { n } else { 0 };
+            schedule(&offsets, &column.name, 0, stride)?;
         }
 
         let run = match ground {
@@ -208,11 +210,14 @@ impl Frames {
         let series = ground.group(&run, "series")?;
         let rows = rows_per_chunk(count);
         Ok(Frames {
-            position: ground.array::<[f64; 3]>(&root, "Points", rows)?,
-            velocity: ground.array::<[f64; 3]>(&point_data, "velocity", rows)?,
-            angular_velocity: rotation
-                .then(|| ground.array::<[f64; 3]>(&point_data, "angular_velocity", rows))
-                .transpose()?,
+            state: in_file(contents.columns)
+                .filter(|column| column.changes == Changes::EveryStage)
+                .map(|column| {
+                    let (group, name) = place_of(column, (&root, &point_data));
+                    let array = ground.column(group, name, column.width, rows)?;
+                    Ok(StateColumn { array, column: column.clone() })
+                })
+                .collect::<Result<_>>()?,
             sizes: ground.array::<i64>(&root, "NumberOfPoints", FRAMES_PER_CHUNK)?,
             schedules,
             cell_offsets: ["CellOffsets", "ConnectivityIdOffsets"]
@@ -249,18 +254,30 @@ impl Frames {
         })
     }
 
-    /// Writes the arrays that all frames share: ids, radii, and one vertex per particle. Collective.
-    fn write_static(&self, comm: &dyn Comm, radius: f64, id_rows: Range<u64>) -> Result<()> {
+    /// Writes the arrays that all frames share: ids, radii, columns that do not change, and one vertex per
+    /// particle. Collective.
+    fn write_static(
+        &self,
+        comm: &dyn Comm,
+        contents: &Contents,
+        id_rows: Range<u64>,
+        constants: &Numbers,
+    ) -> Result<()> {
         let root = self.file.group("VTKHDF")?;
         let point_data = &root.group("PointData")?;
         let first = id_rows.start;
         let ids: Vec<i64> = id_rows.clone().map(|id| id as i64).collect();
-        let radii = vec![radius; ids.len()];
+        let radii = vec![contents.radius; ids.len()];
         let together = |group: &Group, name: &str, length: u64, rows: &[i64]| {
             self.transfer.write_together(&fixed::<i64>(group, name, length)?, first, rows)
         };
         together(point_data, "id", self.count, &ids)?;
         self.transfer.write_together(&fixed::<f64>(point_data, "radius", self.count)?, first, &radii)?;
+        for column in in_file(contents.columns).filter(|column| column.changes == Changes::WithLists) {
+            let (name, shape) = (&column.name, column_shape(&column.width));
+            let array = fixed_rows::<f64>(point_data, name, self.count, shape)?;
+            self.transfer.write_column(&array, first, column.width, &constants(column))?;
+        }
         let vertices = root.group("Vertices")?;
         together(&vertices, "Connectivity", self.count, &ids)?;
         // There is one offset more than vertices. The last rank adds it, because its block ends the ids.
@@ -281,10 +298,10 @@ impl Frames {
         let k = self.complete;
         // All data come first. Arrays grow here and never shrink: if several ranks shrink an array within a
         // chunk, HDF5 1.10 corrupts its bookkeeping.
-        self.write_vectors(&self.position, k, rows, Quantity::Position)?;
-        self.write_vectors(&self.velocity, k, rows, Quantity::Velocity)?;
-        if let Some(array) = &self.angular_velocity {
-            self.write_vectors(array, k, rows, Quantity::AngularVelocity)?;
+        for StateColumn { array, column } in &self.state {
+            grow(array, (k + 1) * self.count, column_shape(&column.width))?;
+            let numbers = (rows.numbers)(column);
+            self.transfer.write_column(array, k * self.count + rows.first, column.width, &numbers)?;
         }
         let transfer = self.transfer.report()?;
         // While `NSteps` is 1, VTK treats the file as static and takes the rows of `NumberOfPoints` for
@@ -365,7 +382,7 @@ impl Frames {
     fn growth(&self, k: u64) -> u64 {
         let rows = rows_per_chunk(self.count);
         let chunks = |frames: u64| (frames * self.count).div_ceil(rows);
-        let arrays = 2 + u64::from(self.angular_velocity.is_some());
+        let arrays = self.state.len() as u64;
         let vectors = arrays * (chunks(k + 1) - chunks(k)) * (rows * VECTOR_BYTES + INDEX_BYTES);
         vectors + self.small_growth(k)
     }
@@ -389,15 +406,9 @@ impl Frames {
         Ok(())
     }
 
-    /// Writes this rank's rows of one quantity in frame `k`. Collective.
-    fn write_vectors(&self, array: &Dataset, k: u64, rows: &Rows, quantity: Quantity) -> Result<()> {
-        grow::<[f64; 3]>(array, (k + 1) * self.count)?;
-        self.transfer.write_together(array, k * self.count + rows.first, &(rows.column)(quantity))
-    }
-
     /// Appends row `k` of a small array. Collective.
     fn put<R: Row>(&self, array: &Dataset, k: u64, row: R) -> Result<()> {
-        grow::<R>(array, k + 1)?;
+        grow(array, k + 1, R::SHAPE)?;
         self.write_small(array, k, &[row])
     }
 
@@ -461,19 +472,29 @@ impl Ground<'_> {
     /// An array that grows by rows; a chunk has `rows_per_chunk` of them.
     fn array<R: Row>(&self, group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dataset> {
         match self {
-            Ground::New(_) => growing::<R>(group, name, rows_per_chunk),
+            Ground::New(_) => growing::<R::Number>(group, name, R::SHAPE, rows_per_chunk),
+            Ground::Found { .. } => group.dataset(name),
+        }
+    }
+
+    /// An array that grows by rows of `width` numbers.
+    fn column(&self, group: &Group, name: &str, width: usize, rows_per_chunk: u64) -> Result<Dataset> {
+        match self {
+            Ground::New(_) => growing::<f64>(group, name, column_shape(&width), rows_per_chunk),
             Ground::Found { .. } => group.dataset(name),
         }
     }
 }
 
 /// Makes an array `rows` long. An array of an earlier process may be longer already, and then stays so.
-fn grow<R: Row>(array: &Dataset, rows: u64) -> Result<()> {
+///
+/// `shape` is that of a row.
+fn grow(array: &Dataset, rows: u64, shape: &[usize]) -> Result<()> {
     let rows = rows as usize;
     if array.shape().first().is_some_and(|&there| there >= rows) {
         return Ok(());
     }
-    array.resize([&[rows], R::SHAPE].concat())
+    array.resize([&[rows], shape].concat())
 }
 
 /// Creates `/run` with all its attributes. Collective.
@@ -517,12 +538,12 @@ pub(super) fn put_scene(run: &Group, transfer: &Transfer, scene: &str, writes: b
     if writes { transfer.write_text(&text, scene) } else { Ok(()) }
 }
 
-/// Creates an empty array that grows by rows.
-fn growing<R: Row>(group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dataset> {
+/// Creates an empty array that grows by rows of this `shape`.
+fn growing<N: H5Type>(group: &Group, name: &str, shape: &[usize], rows_per_chunk: u64) -> Result<Dataset> {
     let extents: Vec<Extent> =
-        [vec![Extent::resizable(0)], R::SHAPE.iter().map(|&n| Extent::fixed(n)).collect()].concat();
-    let chunk = [&[rows_per_chunk as usize], R::SHAPE].concat();
-    let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
+        [vec![Extent::resizable(0)], shape.iter().map(|&n| Extent::fixed(n)).collect()].concat();
+    let chunk = [&[rows_per_chunk as usize], shape].concat();
+    let builder = group.new_dataset::<N>().obj_track_times(false).fill_time(FillTime::Never);
     // Parallel HDF5 allocates early. A serial file must do the same, or its new chunks have no address when
     // several ranks go on with it.
     let builder = builder.alloc_time(Some(AllocTime::Early));
@@ -532,8 +553,26 @@ fn growing<R: Row>(group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dat
 
 /// Creates an array with a fixed number of rows.
 fn fixed<R: Row>(group: &Group, name: &str, rows: u64) -> Result<Dataset> {
-    let builder = group.new_dataset::<R::Number>().obj_track_times(false).fill_time(FillTime::Never);
-    builder.no_chunk().shape([&[rows as usize], R::SHAPE].concat()).create(name)
+    fixed_rows::<R::Number>(group, name, rows, R::SHAPE)
+}
+
+/// Creates an array with a fixed number of rows of this `shape`.
+fn fixed_rows<N: H5Type>(group: &Group, name: &str, rows: u64, shape: &[usize]) -> Result<Dataset> {
+    let builder = group.new_dataset::<N>().obj_track_times(false).fill_time(FillTime::Never);
+    builder.no_chunk().shape([&[rows as usize], shape].concat()).create(name)
+}
+
+/// The columns of the particles that are in the file.
+fn in_file(columns: &Columns) -> impl Iterator<Item = &ParticleColumn> {
+    columns.iter().filter(|column| column.in_file)
+}
+
+/// Group and name of the array of a column. VTKHDF has its own name for positions.
+fn place_of<'a>(
+    column: &'a ParticleColumn,
+    (root, point_data): (&'a Group, &'a Group),
+) -> (&'a Group, &'a str) {
+    if column.name == POSITION { (root, "Points") } else { (point_data, &column.name) }
 }
 
 /// Rows in a chunk of a vector array: whole frames up to 64 KiB, or else parts of a frame up to 1 MiB.

@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
 
 use crate::domain::comm::Comm;
 use crate::error::Error;
+use crate::model::columns::{Column, Columns};
 use crate::ode::{Dissipation, Limit, MethodName, NormName};
 use frames::Frames;
 
@@ -117,16 +118,20 @@ pub struct Seconds {
     pub output: f64,
 }
 
-/// A vector quantity of particles.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantity {
-    /// Centre, m.
-    Position,
-    /// Velocity, m/s.
-    Velocity,
-    /// Angular velocity, 1/s; requested only if the scene has rotation.
-    AngularVelocity,
+/// The particles of a file.
+#[derive(Debug, Clone, Copy)]
+pub struct Contents<'a> {
+    /// Their number.
+    pub count: u64,
+    /// Their radius, m.
+    pub radius: f64,
+    /// What each carries.
+    pub columns: &'a Columns,
 }
+
+/// Returns the numbers of a column, row after row, for a block of ids. Columns are requested one by one, so
+/// that only one is in memory.
+pub type Numbers<'f> = dyn Fn(&Column) -> Vec<f64> + 'f;
 
 /// The rows of a frame that this rank writes, in the order of ids.
 ///
@@ -135,8 +140,8 @@ pub enum Quantity {
 pub struct Rows<'a> {
     /// Id of the first row.
     pub first: u64,
-    /// Returns one quantity for all rows. Quantities are requested one by one, so that only one is in memory.
-    pub column: &'a dyn Fn(Quantity) -> Vec<[f64; 3]>,
+    /// Returns one column of all rows.
+    pub numbers: &'a Numbers<'a>,
 }
 
 /// An output file that grows by frames.
@@ -180,19 +185,19 @@ impl<'a> Output<'a> {
 
     /// Creates the file, or replaces one that exists. Readers can open it and find no frames yet. Collective.
     ///
-    /// `path` must be the same on every rank: the one that [`Output::check_path`] returned. The file is for
-    /// `count` spheres of `radius` (m). `id_rows` is this rank's block of ids.
+    /// `path` must be the same on every rank: the one that [`Output::check_path`] returned. `id_rows` is this
+    /// rank's block of ids. `constants` returns its columns that change only when lists are built: these are
+    /// written once.
     pub fn create(
         comm: &'a dyn Comm,
         path: &Path,
         info: &RunInfo,
-        count: u64,
-        radius: f64,
-        rotation: bool,
+        contents: &Contents,
         id_rows: Range<u64>,
+        constants: &Numbers,
     ) -> Result<Output<'a>, Error> {
         let info = info.agreed(comm);
-        let frames = Frames::create(comm, path, &info, count, radius, rotation, id_rows)
+        let frames = Frames::create(comm, path, &info, contents, id_rows, constants)
             .map_err(|why| failure(path, &why))?;
         Ok(Self::with(comm, path, frames))
     }
@@ -202,12 +207,11 @@ impl<'a> Output<'a> {
         comm: &'a dyn Comm,
         path: &Path,
         energy: bool,
-        count: u64,
-        rotation: bool,
+        contents: &Contents,
         complete: u64,
     ) -> Result<Output<'a>, Error> {
         let frames =
-            Frames::open(comm, path, energy, count, rotation, complete).map_err(|why| failure(path, &why))?;
+            Frames::open(comm, path, energy, contents, complete).map_err(|why| failure(path, &why))?;
         Ok(Self::with(comm, path, frames))
     }
 

@@ -6,9 +6,10 @@ use hdf5::types::{FixedAscii, IntSize, TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File};
 use tempfile::TempDir;
 
-use super::{Measures, Output, Quantity, Rows, RunInfo, Seconds};
+use super::{Contents, Measures, Output, Rows, RunInfo, Seconds};
 use crate::domain::comm::Solo;
 use crate::error::Error;
+use crate::model::columns::{Changes, Column, Columns};
 use crate::ode::{Limit, MethodName, NormName};
 
 const COUNT: u64 = 3;
@@ -69,13 +70,14 @@ fn vectors(k: u64, q: f64) -> Vec<[f64; 3]> {
 }
 
 fn append(output: &mut Output, k: u64, rotation: bool) {
-    let column = |quantity| match quantity {
-        Quantity::Position => vectors(k, 0.5),
-        Quantity::Velocity => vectors(k, 1.5),
-        Quantity::AngularVelocity if rotation => vectors(k, 2.5),
-        Quantity::AngularVelocity => panic!("nobody asked for rotation"),
+    let numbers = |column: &Column| match &column.name[..] {
+        "position" => vectors(k, 0.5),
+        "velocity" => vectors(k, 1.5),
+        "angular_velocity" if rotation => vectors(k, 2.5),
+        other => panic!("nobody asked for {other}"),
     };
-    let rows = Rows { first: 0, column: &column };
+    let numbers = |column: &Column| numbers(column).into_flattened();
+    let rows = Rows { first: 0, numbers: &numbers };
     output.append(&rows, &measures(k)).unwrap();
 }
 
@@ -99,7 +101,7 @@ fn described(frames: u64, change: impl FnOnce(&mut RunInfo)) -> (TempDir, File) 
     let (folder, path) = path();
     let mut info = info("");
     change(&mut info);
-    let mut output = Output::create(&Solo, &path, &info, COUNT, RADIUS, false, 0..COUNT).unwrap();
+    let mut output = create_with(&path, &info, false);
     (0..frames).for_each(|k| append(&mut output, k, false));
     output.finish(&measures(frames), METHOD, None).unwrap();
     (folder, File::open(path).unwrap())
@@ -112,7 +114,13 @@ fn path() -> (TempDir, PathBuf) {
 }
 
 fn create(path: &Path, rotation: bool, scene: &str) -> Output<'static> {
-    Output::create(&Solo, path, &info(scene), COUNT, RADIUS, rotation, 0..COUNT).unwrap()
+    create_with(path, &info(scene), rotation)
+}
+
+fn create_with(path: &Path, info: &RunInfo, rotation: bool) -> Output<'static> {
+    let columns = &Columns::new(rotation);
+    let contents = Contents { count: COUNT, radius: RADIUS, columns };
+    Output::create(&Solo, path, info, &contents, 0..COUNT, &|_| panic!("all columns change")).unwrap()
 }
 
 fn counts(file: &File, name: &str) -> Vec<i64> {
@@ -238,6 +246,40 @@ fn every_point_array_has_offsets_and_without_rotation_there_is_no_angular_veloci
 }
 
 #[test]
+fn columns_that_do_not_change_are_written_once_and_only_if_they_belong_in_the_file() {
+    let (_folder, path) = path();
+    let mut columns = Columns::new(false);
+    for (name, width, in_file) in [("mass", 1, true), ("hidden", 1, false), ("tag", 2, true)] {
+        let (name, unit, changes) = (name.to_owned(), "1".to_owned(), Changes::WithLists);
+        columns.push(Column { name, width, unit, changes, in_file });
+    }
+    let contents = Contents { count: COUNT, radius: RADIUS, columns: &columns };
+    let constants = |column: &Column| match column.width {
+        1 => vec![1.0, 2.0, 3.0],
+        _ => vec![0.0, 10.0, 1.0, 11.0, 2.0, 12.0],
+    };
+    let mut output = Output::create(&Solo, &path, &info(""), &contents, 0..COUNT, &constants).unwrap();
+    append(&mut output, 0, false);
+    append(&mut output, 1, false);
+    output.stop("a test").unwrap();
+    // A later process goes on with the file.
+    let mut output = Output::open(&Solo, &path, false, &contents, 2).unwrap();
+    append(&mut output, 2, false);
+    output.finish(&measures(3), METHOD, None).unwrap();
+    let file = File::open(&path).unwrap();
+    assert_eq!(reals(&file, "VTKHDF/PointData/mass"), [1.0, 2.0, 3.0]);
+    let tags = dataset(&file, "VTKHDF/PointData/tag");
+    assert_eq!(
+        (tags.shape(), tags.read_raw::<f64>().unwrap()),
+        (vec![3, 2], vec![0.0, 10.0, 1.0, 11.0, 2.0, 12.0])
+    );
+    for name in ["mass", "tag"] {
+        assert_eq!(counts(&file, &format!("VTKHDF/Steps/PointDataOffsets/{name}")), [0; 3], "{name}");
+    }
+    assert!(!file.link_exists("VTKHDF/PointData/hidden"));
+}
+
+#[test]
 fn series_has_one_row_of_measures_for_each_frame() {
     let (_folder, file) = written(3, false, "");
     for (name, start) in
@@ -313,7 +355,8 @@ fn a_run_goes_on_in_a_file_that_does_not_know_of_its_last_chunks() {
     bytes[end].copy_from_slice(&old);
     std::fs::write(&path, bytes).unwrap();
     super::prepare(&path, 912, &info("")).unwrap();
-    let mut output = Output::open(&Solo, &path, false, COUNT, false, 912).unwrap();
+    let contents = Contents { count: COUNT, radius: RADIUS, columns: &Columns::new(false) };
+    let mut output = Output::open(&Solo, &path, false, &contents, 912).unwrap();
     (912..1830).for_each(|k| append(&mut output, k, false));
     output.finish(&measures(1830), METHOD, None).unwrap();
     let file = File::open(&path).unwrap();
@@ -416,7 +459,7 @@ fn after_a_failed_write_the_file_is_not_touched_any_more() {
     let why = output.guarded(|_| Err::<(), _>("the disk\n is gone".into())).unwrap_err();
     assert_eq!(why.to_string(), format!("cannot write to {}: the disk is gone", path.display()));
     let before = std::fs::read(&path).unwrap();
-    let rows = Rows { first: 0, column: &|_| panic!("nothing is to be written") };
+    let rows = Rows { first: 0, numbers: &|_| panic!("nothing is to be written") };
     assert!(output.append(&rows, &measures(1)).is_err());
     assert_eq!(output.finish(&measures(1), METHOD, None).unwrap_err().exit_code(), 4);
     assert_eq!(std::fs::read(&path).unwrap(), before);

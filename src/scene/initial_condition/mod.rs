@@ -47,6 +47,17 @@ impl InitialCondition {
         }
         (columns, state, constants)
     }
+
+    /// The numbers of one of the further columns for the particles with the given `ids`, row after row.
+    ///
+    /// # Panics
+    ///
+    /// Panics if there is no such column.
+    pub fn numbers(&self, column: &Column, ids: Range<u64>) -> Vec<f64> {
+        let found = self.columns.iter().find(|(other, _)| other.name == column.name);
+        let (_, numbers) = found.expect("the particles have this column");
+        numbers[ids.start as usize * column.width..ids.end as usize * column.width].to_vec()
+    }
 }
 
 /// The randomly perturbed grid of Fig. 4.2a, at rest. A pure function: it gives the same on every rank.
