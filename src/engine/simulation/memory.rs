@@ -6,7 +6,8 @@
 //!
 //! A resumed run repeats that step. So it also repeats the frames within it, wherever the run was stopped.
 
-use super::{Progress, Simulation, parameters, scene_kernel};
+use super::physics::scene_kernel;
+use super::{Progress, Simulation, parameters};
 use crate::domain::{Comm, rows};
 use crate::engine::dynamics::{Dynamics, Extremes, Particles};
 use crate::error::Error;

@@ -1,11 +1,106 @@
-//! What the observer of a run receives: frames and checkpoints; and the outcome of the run.
+//! What a run gives to its observer, frames and checkpoints, and how it ended.
 
-use super::{Counts, Frame, Observer, Outcome, Simulation, Snapshot};
+use super::{Counts, Simulation, Snapshot};
 use crate::domain::rows::{self, ById};
+use crate::engine::dynamics::Clocks;
 use crate::error::{Error, StopRequest};
-use crate::model::columns::Changes;
+use crate::model::columns::{Changes, Column, Columns};
 use crate::ode::Dissipation;
 use std::time::Instant;
+
+/// The state of the system at one time, for the output and the progress line.
+pub struct Frame<'a> {
+    /// Time, s.
+    pub time: f64,
+    /// Size of the last accepted step, s.
+    pub step: f64,
+    /// Work done so far.
+    pub counts: Counts,
+    /// Kinetic energy, J.
+    pub kinetic_energy: f64,
+    /// Potential energy of contacts and of gravity, J.
+    pub potential_energy: f64,
+    /// Largest overlap, m.
+    pub largest_overlap: f64,
+    /// Highest point of any sphere, m.
+    pub bed_height: f64,
+    /// Energy dissipated so far by rebound and by friction, J; zero unless `output.energy` is on.
+    pub dissipated: Dissipation,
+    /// Time spent so far in the parts of the work on this rank.
+    pub clocks: Clocks,
+    /// Wall time spent on earlier frames and on checkpoints on this rank, s.
+    pub output_seconds: f64,
+    /// First id of `rows`.
+    pub first: u64,
+    /// The particles of this rank's block of ids, by id, as rows of the state.
+    pub rows: &'a ById<'a>,
+    /// Columns that change only when lists are built, of the same particles.
+    pub constants: &'a ById<'a>,
+    /// The columns of the particles.
+    pub columns: &'a Columns,
+}
+
+impl Frame<'_> {
+    /// The numbers of a column of the particles in `rows`, row after row.
+    ///
+    /// # Panics
+    ///
+    /// Panics if the particles have no such column.
+    pub fn numbers(&self, column: &Column) -> Vec<f64> {
+        let (changes, range) = self.columns.find(&column.name).expect("particles have this column");
+        match changes {
+            Changes::EveryStage => self.rows.columns(range),
+            Changes::WithLists => self.constants.columns(range),
+        }
+    }
+}
+
+/// Receives the frames and checkpoints of a run.
+pub trait Observer {
+    /// Receives a frame. Collective.
+    fn frame(&mut self, frame: &Frame) -> Result<(), Error>;
+    /// Receives a checkpoint, from which the run can be resumed. Collective.
+    fn checkpoint(&mut self, _snapshot: &Snapshot) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+impl<F: FnMut(&Frame) -> Result<(), Error>> Observer for F {
+    fn frame(&mut self, frame: &Frame) -> Result<(), Error> {
+        self(frame)
+    }
+}
+
+/// How a run ended.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Time reached, s.
+    pub time: f64,
+    /// The stop request that ended the run early, if any.
+    pub stopped: Option<StopRequest>,
+    /// The key of `[stop]` whose criterion ended the run because the particles are at rest, if any.
+    pub at_rest_by: Option<&'static str>,
+    /// Work done.
+    pub counts: Counts,
+    /// Pairs evaluated by this rank, whose earlier particle it owns.
+    pub own_pairs: u64,
+    /// Time spent in the parts of the work on this rank.
+    pub clocks: Clocks,
+    /// Wall time spent on frames and checkpoints on this rank, measures included, s.
+    pub output_seconds: f64,
+    /// Wall time of the run, s.
+    pub seconds: f64,
+    /// Largest overlap of any frame, m.
+    pub largest_overlap: f64,
+    /// The method that took the steps and, for `auto`, why.
+    pub choice: String,
+    /// Largest gap at which the stabilised method evaluates contacts, m.
+    pub cutoff: f64,
+    /// Memory of the solver on this rank, bytes.
+    pub bytes: usize,
+    /// Number of ghosts of this rank at the end.
+    pub ghosts: usize,
+}
 
 impl Simulation<'_> {
     /// Writes a checkpoint if one is due or requested. Returns whether the run must stop there. Collective.
