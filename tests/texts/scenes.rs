@@ -50,7 +50,7 @@ fn refusal(file: &Path, sets: &[&str]) -> String {
 
 #[test]
 fn good_scenes_are_accepted_and_their_resolved_text_gives_the_same_run() {
-    let files = [scenes("tests/scenes/good"), scenes("configs")].concat();
+    let files = [scenes("tests/scenes/good"), scenes("configs"), scenes("configs/paper")].concat();
     for file in files {
         let (scene, start) =
             set_up(&file, &[]).unwrap_or_else(|mistake| panic!("{}: {mistake}", file.display()));
