@@ -114,8 +114,8 @@ hard() {
 
 speed() {
     say "user time on one core"
-    within 6 demhybrid "$configs/settle-basic.toml" --threads 1 -q
-    within 120 demhybrid "$configs/settle.toml" --threads 1 -q
+    within 6 demhybrid "$configs/paper/settle-basic.toml" --threads 1 -q
+    within 120 demhybrid "$configs/paper/settle.toml" --threads 1 -q
 }
 
 wide() {

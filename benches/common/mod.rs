@@ -13,9 +13,9 @@ use rand::{RngExt, SeedableRng};
 /// The paper's scene in one of its variants, without walls.
 pub fn scene(variant: &str) -> Scene {
     let text = match variant {
-        "basic" => include_str!("../../configs/settle-basic.toml"),
-        "friction" => include_str!("../../configs/settle-friction.toml"),
-        _ => include_str!("../../configs/settle.toml"),
+        "basic" => include_str!("../../configs/paper/settle-basic.toml"),
+        "friction" => include_str!("../../configs/paper/settle-friction.toml"),
+        _ => include_str!("../../configs/paper/settle.toml"),
     };
     Scene {
         container: Container::default(),

@@ -161,8 +161,8 @@ Examples:
   demhybrid ensemble --gather bed-*.vtkhdf
 
 Figure 4.3 of the paper, three variants of the model side by side, one of them with two coefficients:
-  demhybrid ensemble configs/settle-basic.toml configs/settle-friction.toml configs/settle.toml \\
-      --vary settle:friction.coefficient=0.1,0.2 --measures paper_count_in_unit_cube -o fig-4-3
+  demhybrid ensemble configs/paper/*.toml --vary settle:friction.coefficient=0.1,0.2 \\
+      --measures paper_count_in_unit_cube -o fig-4-3
 
 Measures: volume_fraction, porosity, overlap_fraction (of the region, see --box), paper_count_in_unit_cube,
 volume_fraction_in_unit_cube, mean_coordination, mean_coordination_without_rattlers, rattlers, contacts, \

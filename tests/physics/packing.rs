@@ -17,7 +17,7 @@ const BASIC: Published = Published { accepted: 12_588, attempted: 14_704 };
 const FULL: Published = Published { accepted: 191_856, attempted: 232_195 };
 
 /// How far the scene's own seed may be from it, as a share. Other starts take other steps: nine seeds of
-/// settle.toml took 166 000 to 241 000.
+/// paper/settle.toml took 166 000 to 241 000.
 const BAND: f64 = 0.20;
 
 /// Runs the scene to t = 8 s from the start of `seed`, checks overlaps, and work where the seed is the
@@ -81,13 +81,13 @@ fn assert_within(what: &str, found: f64, band: &RangeInclusive<f64>) {
 #[test]
 fn smooth_spheres_settle_to_the_dense_bed_of_the_paper() {
     // Fig. 4.3: over 0.7, where a regular lattice has 0.74.
-    assert_within("volume fraction", settle("settle-basic.toml", 1, &BASIC), &(0.70..=0.725));
+    assert_within("volume fraction", settle("paper/settle-basic.toml", 1, &BASIC), &(0.70..=0.725));
 }
 
 #[test]
 fn rubbing_and_rolling_spheres_settle_to_random_close_packing() {
     // Fig. 4.3, phi = 0.2: random close packing has 0.64.
-    assert_within("volume fraction", settle("settle.toml", 1, &FULL), &(0.63..=0.67));
+    assert_within("volume fraction", settle("paper/settle.toml", 1, &FULL), &(0.63..=0.67));
 }
 
 #[test]
@@ -97,9 +97,9 @@ fn eight_starts_settle_to_random_close_packing_on_average() {
     // is 0.006.
     let fractions: Vec<f64> = (1..=8)
         .map(|seed| {
-            let case = Case::config("settle.toml").set("particles.grid.seed", seed).set("t_end", 2.0);
+            let case = Case::config("paper/settle.toml").set("particles.grid.seed", seed).set("t_end", 2.0);
             let fraction = paper_volume_fraction(&case.run().end().x, 0.1);
-            println!("settle.toml seed {seed}: volume fraction {fraction:.4} at t = 2 s");
+            println!("paper/settle.toml seed {seed}: volume fraction {fraction:.4} at t = 2 s");
             fraction
         })
         .collect();
@@ -107,7 +107,7 @@ fn eight_starts_settle_to_random_close_packing_on_average() {
         assert_within("volume fraction", fraction, &(0.63..=0.67));
     }
     let mean = fractions.iter().sum::<f64>() / 8.0;
-    println!("settle.toml: mean volume fraction {mean:.4}");
+    println!("paper/settle.toml: mean volume fraction {mean:.4}");
     assert_within("mean volume fraction", mean, &(0.64..=0.66));
 }
 

@@ -30,7 +30,7 @@ fn both_builds_write_the_same_bits() {
         ("quick", &[][..]),
         ("quick", &["--threads", "2", "--set", "output.energy=true"]),
         ("bed", &["--set", "t_end=0.8", "--set", "friction.rotation=false"]),
-        ("settle-basic", &["--set", "t_end=1"]),
+        ("paper/settle-basic", &["--set", "t_end=1"]),
     ] {
         let scene = format!("{PACKAGE}/configs/{name}.toml");
         let arguments = [&[&scene[..]], sets].concat();

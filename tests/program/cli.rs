@@ -89,7 +89,7 @@ fn a_launcher_that_starts_copies_in_place_of_ranks_is_refused_by_the_first_copy_
 #[cfg_attr(not(feature = "mpi"), ignore = "a build without MPI has one rank")]
 fn a_dry_run_tells_effects_counts_memory_and_slabs_and_writes_nothing() {
     let folder = folder();
-    let scene = format!("{PACKAGE}/configs/settle.toml");
+    let scene = format!("{PACKAGE}/configs/paper/settle.toml");
     let told = Job::on(2, folder.path(), &[&scene, "--dry-run", "--threads", "3"]).run().with_code(0);
     assert!(told.line("variant").contains("friction+rotation (dissipative)"));
     for (effect, why) in [

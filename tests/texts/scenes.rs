@@ -50,7 +50,7 @@ fn refusal(file: &Path, sets: &[&str]) -> String {
 
 #[test]
 fn good_scenes_are_accepted_and_their_resolved_text_gives_the_same_run() {
-    let files = [scenes("tests/scenes/good"), scenes("configs")].concat();
+    let files = [scenes("tests/scenes/good"), scenes("configs"), scenes("configs/paper")].concat();
     for file in files {
         let (scene, start) =
             set_up(&file, &[]).unwrap_or_else(|mistake| panic!("{}: {mistake}", file.display()));
@@ -181,7 +181,7 @@ fn every_csv_file_of_the_bad_scenes_is_used() {
 
 #[test]
 fn the_settling_scenes_hold_the_parameters_of_table_4_2() {
-    let (scene, start) = set_up(&folder("configs/settle.toml"), &[]).unwrap();
+    let (scene, start) = set_up(&folder("configs/paper/settle.toml"), &[]).unwrap();
     let (contact, friction) = (&scene.contact, scene.friction.as_ref().unwrap());
     assert_eq!((start.x.len(), scene.particles.radius, scene.particles.mass), (200, 0.1, 1.0));
     assert_eq!((scene.t_end, scene.gravity), (8.0, [0.0, 0.0, -9.81]));
@@ -194,24 +194,24 @@ fn the_settling_scenes_hold_the_parameters_of_table_4_2() {
     assert!(scene.rotates());
 
     let variant = |name| set_up(&folder(name), &[]).unwrap();
-    let (mut basic, same_start) = variant("configs/settle-basic.toml");
+    let (mut basic, same_start) = variant("configs/paper/settle-basic.toml");
     assert_eq!((&basic.friction, &same_start), (&None, &start));
     basic.friction.clone_from(&scene.friction);
     basic.output.file.clone_from(&scene.output.file);
     assert_eq!(basic, scene);
-    let (mut locked, same_start) = variant("configs/settle-friction.toml");
+    let (mut locked, same_start) = variant("configs/paper/settle-friction.toml");
     assert!(!locked.rotates() && same_start == start);
     locked.friction.clone_from(&scene.friction);
     locked.output.file.clone_from(&scene.output.file);
     assert_eq!(locked, scene);
-    let (mut bed, same_start) = variant("configs/bed.toml");
-    assert!(
-        same_start == start
-            && bed.solver == demhybrid::scene::Solver { tolerance: Some(0.1), ..Default::default() }
-    );
-    bed.solver.clone_from(&scene.solver);
-    bed.output.file.clone_from(&scene.output.file);
-    assert_eq!(bed, scene);
+    for name in ["configs/settle.toml", "configs/bed.toml"] {
+        let (mut bed, same_start) = variant(name);
+        let default = demhybrid::scene::Solver { tolerance: Some(0.1), ..Default::default() };
+        assert!(same_start == start && bed.solver == default, "{name}");
+        bed.solver.clone_from(&scene.solver);
+        bed.output.file.clone_from(&scene.output.file);
+        assert_eq!(bed, scene, "{name}");
+    }
     let (mut quick, few) = variant("configs/quick.toml");
     assert_eq!(few.x.len(), 27);
     quick.t_end = scene.t_end;
@@ -255,7 +255,7 @@ fn set_overrides_any_key_of_the_scene() {
     assert_eq!(scene.output.file, Some("folder/other name.vtkhdf".into()));
     assert_eq!((scene.container.wall.len(), scene.container.r#box.unwrap().min), (1, [0.0; 3]));
 
-    let basic = folder("configs/settle-basic.toml");
+    let basic = folder("configs/paper/settle-basic.toml");
     let sets = ["friction.coefficient=0.1", "friction.regularization_velocity=0.01"];
     assert!(set_up(&basic, &sets).unwrap().0.rotates(), "the missing table [friction] is created");
 }
@@ -294,7 +294,7 @@ fn a_mistake_in_a_set_names_the_set() {
         let message = refusal(&settle, sets);
         assert!(message.contains(expected), "{sets:?}\n  expected: {expected}\n  message:  {message}");
     }
-    let basic = folder("configs/settle-basic.toml");
+    let basic = folder("configs/paper/settle-basic.toml");
     let message = refusal(&basic, &["friction.coefficient=0.1"]);
     let expected = "--set friction.coefficient=0.1: friction.regularization_velocity is missing";
     assert!(message.starts_with(expected), "{message}");

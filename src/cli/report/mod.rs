@@ -368,14 +368,14 @@ mod tests {
     use crate::engine::simulation::state_vectors;
 
     fn scene(extra: &[&str]) -> Scene {
-        let text = include_str!("../../../configs/settle.toml");
+        let text = include_str!("../../../configs/paper/settle.toml");
         let sets: Vec<String> = extra.iter().map(ToString::to_string).collect();
         Scene::parse("settle.toml", text, &sets).unwrap()
     }
 
-    /// settle.toml with another solver table.
+    /// paper/settle.toml with another solver table.
     fn scene_with_solver(table: &str) -> Scene {
-        let text = include_str!("../../../configs/settle.toml");
+        let text = include_str!("../../../configs/paper/settle.toml");
         let (before, rest) = text.split_once("[solver]").unwrap();
         let after = rest.split_once("\n[").map_or("", |(_, after)| after);
         let text = format!("{before}[solver]\n{table}\n[{after}");

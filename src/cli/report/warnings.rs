@@ -277,7 +277,7 @@ mod tests {
     use super::*;
 
     fn scene(extra: &[&str]) -> Scene {
-        let text = include_str!("../../../configs/settle.toml");
+        let text = include_str!("../../../configs/paper/settle.toml");
         let sets: Vec<String> = extra.iter().map(ToString::to_string).collect();
         Scene::parse("settle.toml", text, &sets).unwrap()
     }

@@ -10,7 +10,7 @@
 
 mod collective;
 mod frames;
-#[cfg_attr(not(feature = "mpi"), path = "output/serial.rs")]
+#[cfg_attr(not(feature = "mpi"), path = "serial.rs")]
 mod mpio;
 mod path;
 mod reopen;

@@ -64,7 +64,7 @@ fn what_still_moves_in_a_stiff_bed_is_the_tolerance_not_the_model() {
     // The paper's bed without friction at kappa = 500, where it speaks of vibrations: what is left at t = 8 s
     // with the published solver and tolerance, and with an accurate one.
     let kinetic = |method: &str, norm: &str, tolerance: f64| {
-        let case = Config::config("settle-basic.toml").set("contact.stiffness_exponent", 500.0);
+        let case = Config::config("paper/settle-basic.toml").set("contact.stiffness_exponent", 500.0);
         let case =
             case.set("solver.method", method).set("solver.norm", norm).set("solver.tolerance", tolerance);
         let (scene, start) = case.build();
