@@ -228,6 +228,16 @@ pub enum Error {
 impl Error {
     /// Exit code of the program: 2 for a mistake found before the first step, 3 for a numerical failure, 4
     /// for output, 5 for a stop on request, 70 for an internal error.
+    ///
+    /// # Examples
+    ///
+    /// ```rust
+    /// use demhybrid::error::Error;
+    ///
+    /// let mistake = Error::Input("bed.toml: no such file".to_owned());
+    /// assert_eq!(mistake.exit_code(), 2);
+    /// assert_eq!(mistake.to_string(), "bed.toml: no such file");
+    /// ```
     pub fn exit_code(&self) -> i32 {
         match self {
             Error::Input(_) => 2,
@@ -250,6 +260,16 @@ impl Error {
 }
 
 /// A request to a run in progress. If ranks receive different requests, the one of largest weight counts.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::error::StopRequest;
+///
+/// assert!(StopRequest::WallLimit.stops());
+/// assert!(!StopRequest::Checkpoint.stops());
+/// assert_eq!(StopRequest::Signal(15).to_string(), "SIGTERM");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum StopRequest {
     /// No request: go on.

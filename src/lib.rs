@@ -62,8 +62,3 @@ pub mod ode;
 pub mod scene;
 pub mod studies;
 pub mod threads;
-
-/// The programs of docs/library.md, which `cargo test --doc` builds.
-#[cfg(doctest)]
-#[doc = include_str!("../docs/library.md")]
-struct LibraryPage;

@@ -1,6 +1,14 @@
 //! Shortens texts for tables and figures.
 
 /// `text` on one line, with at most `most` characters. If some are cut off, the last one is an ellipsis.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::text::shortened;
+///
+/// assert_eq!(shortened("friction.coefficient", 10), "friction.…");
+/// ```
 pub fn shortened(text: &str, most: usize) -> String {
     let line: Vec<char> = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     if line.len() <= most {

@@ -6,6 +6,18 @@ use crate::error::Error;
 /// Calls `make` on rank 0 and returns its text on every rank. Collective.
 ///
 /// If `make` fails, every rank gets its message as [`Error::Input`].
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::domain::Solo;
+/// use demhybrid::domain::agreement::share;
+/// use demhybrid::error::Error;
+///
+/// assert_eq!(share(&Solo, || Ok("text of rank 0".to_owned())), Ok("text of rank 0".to_owned()));
+/// let failed = share(&Solo, || Err(Error::Input("no such file".to_owned())));
+/// assert_eq!(failed, Err(Error::Input("no such file".to_owned())));
+/// ```
 pub fn share(comm: &dyn Comm, make: impl FnOnce() -> Result<String, Error>) -> Result<String, Error> {
     let mut bytes = Vec::new();
     if comm.rank() == 0 {

@@ -28,6 +28,17 @@ pub fn exact_sums<const K: usize>(
 
 /// Sum of `term(i)` for i in 0..n over all ranks, each with its own n and terms; see [`exact_sums`].
 /// Collective.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::domain::Solo;
+/// use demhybrid::domain::exact::exact_sum;
+///
+/// let terms = [0.1, 0.2, 0.3, -0.6];
+/// let sum = exact_sum(&Solo, 4, |i| terms[i]);
+/// assert_eq!(sum, exact_sum(&Solo, 4, |i| terms[3 - i])); // the same bits
+/// ```
 pub fn exact_sum(comm: &dyn Comm, n: usize, term: impl Fn(usize) -> f64 + Sync) -> f64 {
     let [sum] = exact_sums(comm, [largest(n, &term)], |[scale]| [total(n, &term, scale)]);
     sum

@@ -5,6 +5,14 @@ use crate::threads::{self, GRAIN};
 use std::ops::Range;
 
 /// The block of ids that `rank` writes, out of `count` ids and `size` ranks.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::domain::rows::block;
+///
+/// assert_eq!([0, 1, 2].map(|rank| block(10, rank, 3)), [0..4, 4..8, 8..10]);
+/// ```
 pub fn block(count: u64, rank: usize, size: usize) -> Range<u64> {
     let length = count.div_ceil(size as u64);
     let start = |rank: usize| (length * rank as u64).min(count);
@@ -14,21 +22,35 @@ pub fn block(count: u64, rank: usize, size: usize) -> Range<u64> {
 /// Rows of this rank's block of ids, in id order.
 ///
 /// Rows that this rank owns are borrowed, not copied.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::domain::Solo;
+/// use demhybrid::domain::rows::ById;
+///
+/// // Two columns of three particles, in the order in which a rank keeps them.
+/// let by_id = ById::new(&Solo, 3, &[2, 0, 1], &[20.0, 21.0, 0.0, 1.0, 10.0, 11.0], 2);
+/// assert_eq!(by_id.row(2), [20.0, 21.0]);
+/// assert_eq!(by_id.map(|row| row[0]), [0.0, 10.0, 20.0]);
+/// assert_eq!(by_id.columns(1..2), [1.0, 11.0, 21.0]);
+/// ```
 #[derive(Debug)]
 pub struct ById<'a> {
     own: &'a [f64],
     guests: Vec<f64>,
     /// Numbers in a row.
     width: usize,
-    /// For each id of the block: the index of its row in `own`, or the number of rows in `own` plus that in `guests`.
+    /// For each id of the block: the index of its row in `own`, or the number of rows in `own` plus that in
+    /// `guests`.
     slots: Vec<u32>,
 }
 
 impl<'a> ById<'a> {
     /// Collects the rows of this rank's block from their owners. Collective.
     ///
-    /// This rank owns the particles `ids`, with the rows `own` of `width` numbers. Each id below `count` must be owned by exactly
-    /// one rank.
+    /// This rank owns the particles `ids`, with the rows `own` of `width` numbers. Each id below `count` must
+    /// be owned by exactly one rank.
     pub fn new(comm: &dyn Comm, count: u64, ids: &[u64], own: &'a [f64], width: usize) -> Self {
         // Called once: the loops below would call MPI for each particle.
         let rank = comm.rank();

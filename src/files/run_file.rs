@@ -41,6 +41,16 @@ pub struct State {
 }
 
 /// The frames that a command reads.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::files::run_file::Which;
+///
+/// assert_eq!("last".parse(), Ok(Which::Last));
+/// assert_eq!("17".parse(), Ok(Which::Number(17)));
+/// assert!("first".parse::<Which>().is_err());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Which {
     /// The last complete frame.
@@ -69,6 +79,16 @@ impl FromStr for Which {
 
 impl RunFile {
     /// Opens the output file `path`, which must hold at least one complete frame.
+    ///
+    /// # Examples
+    ///
+    /// ```rust
+    /// use demhybrid::files::run_file::RunFile;
+    ///
+    /// let mistake = RunFile::open("no-run.vtkhdf".as_ref()).unwrap_err();
+    /// assert!(mistake.to_string().starts_with("no-run.vtkhdf: there is no such file"));
+    /// assert_eq!(mistake.exit_code(), 2);
+    /// ```
     pub fn open(path: &Path) -> Result<Self, Error> {
         let unusable = |why: String| Error::Input(format!("{}: {why}", path.display()));
         if !path.exists() {

@@ -32,6 +32,17 @@ pub fn scientific(value: f64, digits: usize) -> String {
 /// `value` with `digits` significant digits: `3.61907`, `0.4812`.
 ///
 /// Magnitudes below 1e-4 and from 1e6 on get an exponent, as by [`scientific`].
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::digits::{bytes, scientific, short, significant};
+///
+/// assert_eq!(significant(0.43471, 3), "0.435");
+/// assert_eq!(scientific(247000.0, 2), "2.47e5");
+/// assert_eq!(short(1.0 / 3.0), "0.333333");
+/// assert_eq!(bytes(1536), "1.5 KiB");
+/// ```
 pub fn significant(value: f64, digits: usize) -> String {
     let exponent = value.abs().log10().floor();
     if value == 0.0 || !(-4.0..6.0).contains(&exponent) {

@@ -49,6 +49,16 @@ pub fn at_most(high: f64, x: f64) -> f64 {
 
 /// e^x within 2 ulp. Below x = -708 the result is e^-708 = 3e-308, above x = 709 it is +infinity; NaN gives
 /// NaN.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::{Fused, Separate, exp};
+///
+/// assert!((exp::<Separate>(1.0) - std::f64::consts::E).abs() < 1e-15);
+/// assert!((exp::<Fused>(-1.5) - 0.22313016014842982).abs() < 1e-16);
+/// assert_eq!(exp::<Separate>(800.0), f64::INFINITY);
+/// ```
 #[inline(always)]
 pub fn exp<A: Arithmetic>(x: f64) -> f64 {
     let y = exp_within::<A>(at_most(709.0, at_least(-708.0, x)));
@@ -103,6 +113,15 @@ pub fn inverse<A: Arithmetic>(x: f64) -> f64 {
 
 /// 1/sqrt(x) within 2 ulp, for x in 1e-37..1e38. 0, negative numbers, infinity and NaN give a result that is
 /// not finite.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::{Separate, inverse, inverse_root};
+///
+/// assert!((inverse_root::<Separate>(16.0) - 0.25).abs() < 1e-16);
+/// assert!((inverse::<Separate>(8.0) - 0.125).abs() < 1e-16);
+/// ```
 #[inline(always)]
 pub fn inverse_root<A: Arithmetic>(x: f64) -> f64 {
     let y = f64::from(1.0 / (x as f32).sqrt());

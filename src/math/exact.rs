@@ -4,6 +4,17 @@ use super::larger;
 use crate::threads::{self, GRAIN};
 
 /// A power of two that turns the terms of a sum into integers of at most 2^60.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::exact::{Scale, largest, total};
+///
+/// let terms = [1e16, 1.0, -1e16];
+/// let scale = Scale::of(largest(3, |i| terms[i]));
+/// assert_eq!(scale.value(total(3, |i| terms[i], scale)), 1.0);
+/// assert_eq!(terms.iter().sum::<f64>(), 0.0); // a plain sum loses it
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Scale {
     /// Two factors, since one could overflow. Powers of two scale without rounding.

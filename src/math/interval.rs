@@ -19,6 +19,17 @@ pub struct Interval {
 ///
 /// The half-width is infinite for a single value. It is also infinite if any value is not finite: the runs
 /// that remain are then no random sample of all runs.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::interval::interval;
+///
+/// let porosity = interval(&[0.41, 0.43, 0.42]).unwrap();
+/// assert!((porosity.mean - 0.42).abs() < 1e-15);
+/// assert!((porosity.half_width - 4.3027 * 0.01 / 3f64.sqrt()).abs() < 1e-6); // Student's t for 3 values
+/// assert_eq!(interval(&[]), None);
+/// ```
 pub fn interval(values: &[f64]) -> Option<Interval> {
     let finite: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     let count = finite.len();

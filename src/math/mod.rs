@@ -9,6 +9,15 @@ pub mod interval;
 pub mod vector;
 
 /// The larger of two magnitudes; a NaN in `b` counts as +infinity (`f64::max` would drop it).
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::larger;
+///
+/// assert_eq!(larger(1.0, 2.0), 2.0);
+/// assert_eq!(larger(1.0, f64::NAN), f64::INFINITY);
+/// ```
 #[inline(always)]
 pub fn larger(a: f64, b: f64) -> f64 {
     if b <= a {

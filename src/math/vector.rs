@@ -29,6 +29,17 @@ pub fn add_scaled<A: Arithmetic>(s: f64, a: &Vec3, b: &Vec3) -> Vec3 {
 }
 
 /// a x b
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::Separate;
+/// use demhybrid::math::vector::{Vec3, cross, dot};
+///
+/// let n = cross::<Separate>(&Vec3::x(), &Vec3::y());
+/// assert_eq!(n, Vec3::z());
+/// assert_eq!(dot::<Separate>(&n, &Vec3::new(1.0, 2.0, 3.0)), 3.0);
+/// ```
 #[inline(always)]
 pub fn cross<A: Arithmetic>(a: &Vec3, b: &Vec3) -> Vec3 {
     let component = |[p, q]: [f64; 2], [r, s]: [f64; 2]| A::add_product(-r, s, p * q);

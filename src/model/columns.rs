@@ -30,6 +30,18 @@ pub fn velocity(row: &[f64]) -> Vec3 {
 }
 
 /// The angular velocity in a row of the state, rad/s; zero without rotation.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::columns::{position, spin, velocity};
+///
+/// let row = [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]; // a scene without rotation
+/// assert_eq!(position(&row), Vec3::new(1.0, 2.0, 3.0));
+/// assert_eq!(velocity(&row), Vec3::new(0.1, 0.2, 0.3));
+/// assert_eq!(spin(&row), Vec3::zeros());
+/// ```
 #[inline(always)]
 pub fn spin(row: &[f64]) -> Vec3 {
     row.get(SPIN).map_or_else(Vec3::zeros, vector)
@@ -60,6 +72,24 @@ pub struct Column {
 }
 
 /// All columns of the particles of a scene.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::model::columns::{Changes, Column, Columns};
+///
+/// let mut columns = Columns::new(true);
+/// assert_eq!(columns.width(Changes::EveryStage), 9); // position, velocity, angular velocity
+/// columns.push(Column {
+///     name: "tag".to_owned(),
+///     width: 1,
+///     unit: "1".to_owned(),
+///     changes: Changes::WithLists,
+///     in_file: true,
+/// });
+/// assert_eq!(columns.find("velocity"), Some((Changes::EveryStage, 3..6)));
+/// assert_eq!(columns.find("tag"), Some((Changes::WithLists, 0..1)));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Columns(Vec<Column>);
 

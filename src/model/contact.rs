@@ -38,10 +38,31 @@ pub trait Rebound: Copy + Send + Sync + 'static {
 }
 
 /// e = 1: rho is 1, and contacts dissipate no energy on rebound.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::Separate;
+/// use demhybrid::model::contact::{Elastic, Rebound};
+///
+/// assert_eq!(Elastic.share::<Separate>(-0.3), 1.0);
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Elastic;
 
 /// e < 1: the repulsion is weaker when separating than when approaching.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::Separate;
+/// use demhybrid::model::contact::{Dissipative, Rebound};
+///
+/// let rho = Dissipative::new(0.4, 10.0);
+/// assert_eq!(rho.share::<Separate>(20.0), 1.0); // approaching: the full repulsion
+/// assert!((rho.share::<Separate>(-20.0) - 0.16).abs() < 1e-15); // separating: e^2
+/// assert!((rho.share::<Separate>(0.0) - 0.58).abs() < 1e-15); // at rest: the mean of both
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Dissipative {
     e2: f64,
@@ -77,6 +98,27 @@ impl Rebound for Dissipative {
 }
 
 /// The tangential part of the law: friction, eqs. (2.6), (2.8) and (2.9).
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::{Arithmetic, Separate};
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::contact::Tangential;
+///
+/// /// Friction of this strength (N). It fades where there is no slip.
+/// #[derive(Clone, Copy)]
+/// struct Constant(f64);
+///
+/// impl Tangential for Constant {
+///     const RUBS: bool = true;
+///     const TURNS: bool = false;
+///     fn friction<A: Arithmetic>(&self, _repulsion: f64, slip: &Vec3) -> Vec3 {
+///         slip * (-self.0 / (slip.norm() + 1e-3))
+///     }
+/// }
+/// assert_eq!(Constant(2.0).friction::<Separate>(10.0, &Vec3::zeros()), Vec3::zeros());
+/// ```
 pub trait Tangential: Copy + Send + Sync + 'static {
     /// Whether there is friction. Without it neither slip nor torque is computed.
     const RUBS: bool;
@@ -94,6 +136,20 @@ pub trait Tangential: Copy + Send + Sync + 'static {
 pub struct Frictionless;
 
 /// Regularised Coulomb friction: the friction and friction+rotation variants.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::Separate;
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::contact::{Coulomb, Tangential};
+///
+/// let friction = Coulomb::new(0.2, 0.01); // phi, and v_min in m/s
+/// let at_full_strength = friction.friction::<Separate>(10.0, &Vec3::new(0.5, 0.0, 0.0));
+/// assert!((at_full_strength.x + 2.0).abs() < 1e-14); // phi times the repulsion, against the slip, N
+/// let at_half_of_v_min = friction.friction::<Separate>(10.0, &Vec3::new(0.005, 0.0, 0.0));
+/// assert!((at_half_of_v_min.x + 1.0).abs() < 1e-14);
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Coulomb {
     phi: f64,
@@ -143,6 +199,15 @@ impl Tangential for Coulomb {
 }
 
 /// Friction that turns the spheres: the friction+rotation variant.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::model::contact::{Coulomb, Tangential, Turning};
+///
+/// assert!(!Coulomb::TURNS);
+/// assert!(Turning::<Coulomb>::TURNS);
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Turning<T>(pub T);
 
@@ -157,6 +222,20 @@ impl<T: Tangential> Tangential for Turning<T> {
 }
 
 /// The numbers of the contact law of a scene.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::Separate;
+/// use demhybrid::model::contact::LawParameters;
+///
+/// let parameters = LawParameters {
+///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01,
+/// };
+/// assert_eq!(parameters.repulsion::<Separate>(0.0), 10.0); // N, where surfaces just touch
+/// let one_e_fold_away = parameters.repulsion::<Separate>(1.0 / 150.0);
+/// assert!((one_e_fold_away - 10.0 / std::f64::consts::E).abs() < 1e-14);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LawParameters {
     /// Radius of every sphere, m.
@@ -186,6 +265,25 @@ impl LawParameters {
 }
 
 /// The contact law of a scene. Its effects are type parameters.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::Separate;
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::contact::{Coulomb, Dissipative, Law, LawParameters, Turning};
+///
+/// let parameters = LawParameters {
+///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01,
+/// };
+/// let tangential = Turning(Coulomb::new(parameters.phi, parameters.v_min));
+/// let law = Law { parameters, rebound: Dissipative::new(parameters.e, parameters.psi), tangential };
+/// // A sphere on a floor slides along x: the normal points up.
+/// let on_sphere = law.action::<Separate>(0.0, &Vec3::z(), &Vec3::x(), &Vec3::zeros());
+/// assert!((on_sphere.force.x + 2.0).abs() < 1e-12); // friction, N
+/// assert!((on_sphere.force.z - 5.8).abs() < 1e-12); // repulsion at rest, N
+/// assert!((on_sphere.torque.y - 0.2).abs() < 1e-12); // N m: it begins to roll
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Law<R, T> {
     /// Its numbers.
@@ -267,6 +365,25 @@ impl AtRest {
 }
 
 /// The energies of contacts, with the values that all contacts share computed once.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::elementary::Separate;
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::contact::{Coulomb, Elastic, Law, LawParameters};
+///
+/// let parameters = LawParameters {
+///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01,
+/// };
+/// let law = Law { parameters, rebound: Elastic, tangential: Coulomb::new(0.2, 0.01) };
+/// let energies = law.energies();
+/// assert!((energies.stored::<Separate>(0.0) - 10.0 / 150.0).abs() < 1e-6); // F_0/kappa, J
+/// let [rebound, friction] =
+///     energies.dissipation::<Separate>(0.0, &Vec3::z(), &Vec3::new(0.5, 0.0, -0.1), &Vec3::zeros());
+/// assert_eq!(rebound, 0.0);
+/// assert!((friction - 1.0).abs() < 1e-12); // 2 N at 0.5 m/s, W
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Energies<'a, R, T> {
     law: &'a Law<R, T>,

@@ -23,6 +23,20 @@ impl Variant {
 }
 
 /// The effects that are computed.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::model::effects::{Effects, Variant};
+/// use demhybrid::scene::Scene;
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let effects = Effects::of(&scene);
+/// assert_eq!(effects, Effects { variant: Variant::FrictionRotation, dissipative: true });
+/// assert_eq!(effects.variant.name(), "friction+rotation");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effects {
     /// Which of the three variants.

@@ -3,6 +3,18 @@
 use crate::math::vector::Vec3;
 
 /// A planar wall. Its normal points away from the particles.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::wall::Wall;
+///
+/// let floor = Wall::new(Vec3::new(0.0, 0.0, 0.5), Vec3::new(0.0, 0.0, -2.0));
+/// assert_eq!(floor.normal, -Vec3::z()); // of length 1
+/// assert_eq!(floor.depth(&Vec3::new(7.0, 3.0, 2.0)), 1.5); // m above the floor
+/// assert_eq!(floor.depth(&Vec3::zeros()), -0.5); // below it
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wall {
     /// Unit normal, pointing out of the container.

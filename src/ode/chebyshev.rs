@@ -48,6 +48,16 @@ pub fn real_stability(s: usize) -> f64 {
 /// Number of stages that makes a step with |h lambda| = `z` stable; at least 2.
 ///
 /// It exceeds [`MOST_STAGES`] by one where that many are not enough.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::ode::chebyshev::{real_stability, stages_for};
+///
+/// let stages = stages_for(1000.0);
+/// assert!(real_stability(stages) >= 1000.0 && real_stability(stages - 1) < 1000.0);
+/// assert!(stages < 42); // far fewer right-hand sides than 1000/3.5 steps of an explicit method take
+/// ```
 pub fn stages_for(z: f64) -> usize {
     let s = (1.0 + z / (2.0 / 3.0 * (1.0 - 2.0 / 15.0 * DAMPING))).sqrt().ceil();
     // The cast saturates; NaN becomes 0.

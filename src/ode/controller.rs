@@ -84,6 +84,19 @@ pub enum StepRule {
 }
 
 /// Accepts or rejects steps and proposes their sizes.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::ode::{StepControl, StepRule};
+///
+/// let mut control = StepControl::new(StepRule::ProportionalIntegral, 1e-6, 1e-9, 1.0);
+/// let good = control.judge(0.1, 1e-8, 5.0);
+/// assert!(good.accept && good.next > 0.1);
+/// let bad = control.judge(good.next, 1e-4, 5.0);
+/// assert!(!bad.accept && bad.next < good.next);
+/// assert!(control.judge(1e-9, 1e-4, 5.0).forced); // the smallest step is taken all the same
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepControl {
     /// The rule.

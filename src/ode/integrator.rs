@@ -19,6 +19,19 @@ pub struct AutoPlan {
 }
 
 /// Takes steps with one active method at a time.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::ode::integrator::{AutoPlan, Integrator};
+/// use demhybrid::ode::{MERSON, MethodName};
+///
+/// let plan = AutoPlan { explicit: &MERSON, reason: "the motion is rough", is_damped: true };
+/// let auto = Integrator::new(MethodName::Auto, plan);
+/// assert!(!auto.is_stabilised()); // not before the stiffness is known
+/// assert!(auto.report().contains("merson"));
+/// assert!(Integrator::new(MethodName::Chebyshev, plan).is_stabilised());
+/// ```
 pub struct Integrator {
     active: Box<dyn Method>,
     /// For `auto`: the inactive method, and the method switch.

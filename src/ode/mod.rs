@@ -71,6 +71,50 @@ pub(crate) fn no_vectors<'a>() -> [&'a mut [f64]; VECTORS] {
 /// A step consists of a call of `begin`, any number of evaluations by `rhs` and `rhs_of`, and a call of
 /// `agree`. `agree` may be left out where no result is wanted, for example when a spectral radius is
 /// estimated.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::ode::{
+///     FinishRows, Ivp, Layout, MERSON, Method, Norm, RungeKutta, Segment, StepStart, TrialOutcome,
+///     TrialStep,
+/// };
+///
+/// /// y' = -y
+/// struct Decay {
+///     layout: Layout,
+/// }
+///
+/// impl Ivp for Decay {
+///     fn layout(&self) -> &Layout {
+///         &self.layout
+///     }
+///     fn begin(&mut self) {}
+///     fn rhs(&mut self, _t: f64, y: &[f64], dydt: &mut [f64]) {
+///         dydt[0] = -y[0];
+///     }
+///     fn agree(&mut self, _y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
+///         TrialOutcome { error: finish(self.layout.whole(0), next), covered: true, within_travel: true }
+///     }
+///     fn length(&mut self, v: &[f64]) -> f64 {
+///         v[0].abs()
+///     }
+///     fn add_direction(&mut self, _round: u64, share: f64, v: &mut [f64]) {
+///         v[0] += share;
+///     }
+///     fn small_length(&self) -> f64 {
+///         1e-8
+///     }
+/// }
+///
+/// let mut decay = Decay { layout: Layout(vec![Segment { rows: 1, width: 1, positions: 0 }]) };
+/// let norm = Norm { weights: vec![vec![1.0]], rate: false };
+/// let (mut start, mut trial) = (StepStart::new(0.0, vec![1.0]), TrialStep::default());
+/// let outcome = RungeKutta::new(&MERSON).attempt(&mut decay, &mut start, 0.1, &norm, &mut trial);
+/// assert!((trial.next[0] - (-0.1f64).exp()).abs() < 1e-7);
+/// assert!(outcome.error < 1e-7);
+/// assert_eq!(trial.evaluations, 5);
+/// ```
 pub trait Ivp {
     /// The segments of a vector on this process. They change only between steps.
     fn layout(&self) -> &Layout;

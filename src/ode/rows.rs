@@ -21,6 +21,20 @@ pub struct Segment {
 }
 
 /// The segments of all vectors of a problem, in order.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::ode::{Layout, Segment};
+///
+/// // Ten particles with position and velocity, and five rows of another kind.
+/// let particles = Segment { rows: 10, width: 6, positions: 3 };
+/// let others = Segment { rows: 5, width: 1, positions: 0 };
+/// let layout = Layout(vec![particles, others]);
+/// assert_eq!(layout.len(), 65);
+/// assert_eq!(layout.row(0, 2).range(), 12..18);
+/// assert_eq!(layout.whole(1).range(), 60..65);
+/// ```
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Layout(pub Vec<Segment>);
 
@@ -54,6 +68,20 @@ impl Layout {
 }
 
 /// Consecutive rows of one segment.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::ode::{Layout, Segment};
+///
+/// let part = Layout(vec![Segment { rows: 1, width: 2, positions: 1 }]).whole(0);
+/// let mut numbers = [0.0, 1.0]; // x in m, v in m/s
+/// part.kick(0.5, &[1.0, -2.0], &mut numbers); // the slope of v is the acceleration
+/// assert_eq!(numbers, [0.0, 0.0]);
+/// numbers[1] = 3.0;
+/// part.drift(0.5, &mut numbers);
+/// assert_eq!(numbers, [1.5, 3.0]);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Part {
     /// Index of the segment.
@@ -132,6 +160,19 @@ impl Cut for Rows<'_> {
 }
 
 /// How the error of a step is measured.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::ode::{Layout, Norm, Segment};
+///
+/// let part = Layout(vec![Segment { rows: 2, width: 2, positions: 1 }]).whole(0);
+/// // Positions count ten times as much as velocities.
+/// let norm = Norm { weights: vec![vec![10.0, 1.0]], rate: false };
+/// let errors = [0.01, -0.3, 0.02, f64::NAN];
+/// assert_eq!(norm.largest(part.rows(0..1), |k| errors[k]), 0.3);
+/// assert_eq!(norm.largest(part, |k| errors[k]), f64::INFINITY);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Norm {
     /// For every segment the weight of each column: what its numbers are multiplied by before they are

@@ -15,6 +15,17 @@ const MOST: usize = 7;
 type Slopes<'a> = [&'a [f64]; MOST];
 
 /// The Runge-Kutta method of one table.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::ode::{DORMAND_PRINCE, MERSON, Method, RungeKutta};
+///
+/// let method = RungeKutta::new(&DORMAND_PRINCE);
+/// assert_eq!(method.name().to_string(), "dormand-prince");
+/// assert!(method.has_inside()); // frames within a step cost nothing
+/// assert!(!RungeKutta::new(&MERSON).has_inside());
+/// ```
 pub struct RungeKutta {
     tableau: &'static Tableau,
     /// Slots that keep the slopes of stages 1, 2, ..., as `slots` assigns them.

@@ -3,6 +3,19 @@
 use super::MethodName;
 
 /// An explicit Runge-Kutta method with an error estimate.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::ode::{DORMAND_PRINCE, MERSON};
+///
+/// for table in [&MERSON, &DORMAND_PRINCE] {
+///     // A method of order 2 or more integrates a slope that grows with time exactly.
+///     let sum: f64 = table.b.iter().zip(table.c).map(|(b, c)| b * c).sum();
+///     assert!((sum - 0.5).abs() < 1e-15);
+/// }
+/// assert_eq!((MERSON.stages(), DORMAND_PRINCE.stages()), (5, 7));
+/// ```
 #[derive(Debug)]
 pub struct Tableau {
     /// Name in the scene file.

@@ -70,6 +70,8 @@ fn free_pendulum(_t: f64, p: &Point) -> f64 {
 
 type Solve = fn(f64, &Point) -> f64;
 type Any = Box<dyn Method>;
+/// Makes a method.
+type Make = fn() -> Any;
 
 /// The state at t = 2 after `steps` steps, and the number of right-hand sides.
 fn integrate(method: &mut dyn Method, force: Solve, steps: u32) -> (Point, u64) {
@@ -407,7 +409,7 @@ fn a_second_segment_is_integrated_with_the_order_of_the_method() {
         step_start.y
     };
     let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    let methods: [(fn() -> Any, u32, f64); 4] = [
+    let methods: [(Make, u32, f64); 4] = [
         (|| Box::new(RungeKutta::new(&MERSON)), 10, 4.0),
         (|| Box::new(RungeKutta::new(&DORMAND_PRINCE)), 10, 5.0),
         (|| Box::<Chebyshev>::default(), 20, 2.0),

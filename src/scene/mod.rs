@@ -26,6 +26,20 @@ pub use source::split_values;
 pub(crate) use source::{brief, shown};
 
 /// A checked scene with all defaults filled in. All numbers are in SI units.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::scene::Scene;
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &["particles.radius=0.08".to_owned()])?;
+/// assert_eq!(scene.particles.radius, 0.08); // m, as set
+/// assert_eq!(scene.t_end, 1.0); // s, from the text
+/// assert_eq!(scene.particles.mass, 1.0); // kg
+/// assert!(scene.rotates());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
@@ -286,6 +300,17 @@ impl Scene {
     ///
     /// `name` is the path of the scene as the user typed it, for messages and for the name of the output
     /// file. `text` is its content. `sets` are the KEY=VALUE of all `--set` options, in order.
+    ///
+    /// # Examples
+    ///
+    /// ```rust
+    /// use demhybrid::scene::Scene;
+    ///
+    /// let mistake = Scene::parse("a.toml", "t_end = -1.0", &[]).unwrap_err();
+    /// let text = mistake.to_string();
+    /// assert!(text.starts_with("a.toml:1: t_end = -1.0 must be"), "{text}"); // where and what
+    /// assert_eq!(mistake.exit_code(), 2);
+    /// ```
     pub fn parse(name: &str, text: &str, sets: &[String]) -> Result<Scene, Error> {
         let mut source = Source::new(name, text, sets);
         let set_texts = source.set_documents()?;
@@ -309,6 +334,17 @@ impl Scene {
     }
 
     /// The scene as TOML with all defaults written out. Parsing it gives an equal scene, under any name.
+    ///
+    /// # Examples
+    ///
+    /// ```rust
+    /// use demhybrid::scene::Scene;
+    ///
+    /// let text = std::fs::read_to_string("configs/quick.toml")?;
+    /// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+    /// assert_eq!(Scene::parse("other.toml", &scene.resolved(), &[])?, scene);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn resolved(&self) -> String {
         toml::to_string(self)
             .expect("a scene holds only tables, numbers, switches and text that came from TOML")

@@ -295,6 +295,14 @@ pub(crate) fn shown(path: &Path) -> String {
 }
 
 /// Splits a list of TOML values at the commas outside brackets, braces and quotes.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::scene::split_values;
+///
+/// assert_eq!(split_values("0.1,[0, 0, -9.81],'a,b'"), ["0.1", "[0, 0, -9.81]", "'a,b'"]);
+/// ```
 pub fn split_values(list: &str) -> Vec<String> {
     let (mut parts, mut depth, mut quote) = (vec![String::new()], 0i32, None);
     for c in list.chars() {

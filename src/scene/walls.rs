@@ -39,6 +39,21 @@ pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
 }
 
 /// The walls of a scene, in the order of [`described_walls`].
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::scene::Scene;
+/// use demhybrid::scene::walls::walls;
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let walls = walls(&scene.container);
+/// assert_eq!(walls.len(), 5); // a box without a lid
+/// assert_eq!(walls[4].depth(&Vec3::new(0.1, 0.2, 0.3)), 0.3); // the floor, m
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn walls(container: &scene::Container) -> Vec<Wall> {
     described_walls(container).into_iter().map(|(wall, _)| wall).collect()
 }

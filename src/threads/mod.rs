@@ -20,6 +20,17 @@ mod spinning_pool;
 pub const GRAIN: usize = 2048;
 
 /// What can be cut in two at an index.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::threads::Cut;
+///
+/// let (mut a, b) = ([1, 2, 3], [4.0, 5.0, 6.0]);
+/// let (before, after) = (&mut a[..], &b[..]).cut(1);
+/// assert_eq!((before.0.len(), before.1), (1, &[4.0][..]));
+/// assert_eq!((after.0.len(), after.1), (2, &[5.0, 6.0][..]));
+/// ```
 pub trait Cut: Send + Sized {
     /// The part before the index, and the rest.
     fn cut(self, at: usize) -> (Self, Self);
@@ -126,6 +137,18 @@ pub fn chunks<T: Send, A: Send>(
 }
 
 /// `chunks` for work without a result.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::threads::{GRAIN, for_chunks};
+///
+/// let mut numbers = vec![0; 10_000];
+/// for_chunks(&mut numbers, GRAIN, |first, chunk| {
+///     (first..).zip(chunk).for_each(|(i, number)| *number = 2 * i);
+/// });
+/// assert_eq!(numbers[4321], 8642);
+/// ```
 pub fn for_chunks<T: Send>(items: &mut [T], grain: usize, work: impl Fn(usize, &mut [T]) + Sync) {
     chunks(items, grain, work, |(), ()| ());
 }
@@ -142,6 +165,15 @@ pub fn for_chunk_pairs<T: Send, U: Send>(
 }
 
 /// Folds `value(i)` for i in 0..n, from `identity`. The result must not depend on the order of the fold.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::threads::{GRAIN, fold};
+///
+/// let largest = fold(10_000, GRAIN, |i| i * 7 % 1000, 0, usize::max);
+/// assert_eq!(largest, 999);
+/// ```
 pub fn fold<A: Send + Sync + Clone>(
     n: usize,
     grain: usize,
@@ -169,6 +201,15 @@ pub fn each<T: Send>(items: &mut [T], work: &(impl Fn(&mut T) + Sync)) {
 }
 
 /// Collects `value(i)` for i in 0..n, in this order.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::threads::{GRAIN, collect};
+///
+/// let squares = collect(10_000, GRAIN, |i| i * i);
+/// assert_eq!(squares[99], 9801);
+/// ```
 pub fn collect<T: Send>(n: usize, grain: usize, value: impl Fn(usize) -> T + Sync) -> Vec<T> {
     if rayon::current_num_threads() == 1 || n <= grain {
         return (0..n).map(value).collect();

@@ -12,6 +12,7 @@ mod comparison;
 #[cfg(feature = "mpi")]
 mod documents;
 mod ensemble;
+mod examples;
 mod exports;
 #[cfg(feature = "mpi")]
 mod mpi;

@@ -48,7 +48,8 @@ impl Image {
         self.origin[axis] + (k as f64 + 0.5) * self.spacing
     }
 
-    /// Voxels along `axis` whose centres are within `distance` (m) of `x` (m), and perhaps one more at each end.
+    /// Voxels along `axis` whose centres are within `distance` (m) of `x` (m), and perhaps one more at each
+    /// end.
     fn around(&self, axis: usize, x: f64, distance: f64) -> std::ops::Range<usize> {
         // Casts saturate, so a position below the first voxel gives 0.
         let voxel = |x: f64| ((x - self.origin[axis]) / self.spacing).floor() as usize;

@@ -16,6 +16,17 @@ use crate::scene::Scene;
 /// The error is 1e-6 for spheres at random positions, as in the bed of the paper. It is 1e-5 if all spheres
 /// have the same position relative to the columns. For a single sphere it is 3e-5 of its volume (root mean
 /// square), and 1e-4 at most.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::bed::union_volume_fraction;
+/// use demhybrid::math::vector::Vec3;
+///
+/// let (low, high) = (Vec3::zeros(), Vec3::repeat(1.0));
+/// let share = union_volume_fraction(&[Vec3::repeat(0.5)], 0.5, low, high);
+/// assert!((share - std::f64::consts::PI / 6.0).abs() < 1e-4); // a ball in its cube
+/// ```
 pub fn union_volume_fraction(x: &[Vec3], r: f64, low: Vec3, high: Vec3) -> f64 {
     let mut inside: Vec<Vec3> =
         x.iter().filter(|x| (0..3).all(|k| x[k] + r > low[k] && x[k] - r < high[k])).copied().collect();
@@ -100,6 +111,16 @@ impl Lines {
 ///
 /// Surfaces touch if their gap is not positive. This is a convention: the soft contact law also repels across
 /// a gap, and the repulsion at a gap of 0 is F_0.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::bed::mean_coordination_number;
+/// use demhybrid::math::vector::Vec3;
+///
+/// let chain = [0.0, 0.19, 0.38].map(|x| Vec3::new(x, 0.0, 0.0));
+/// assert_eq!(mean_coordination_number(&chain, 0.1), 4.0 / 3.0); // 1, 2 and 1
+/// ```
 pub fn mean_coordination_number(x: &[Vec3], r: f64) -> f64 {
     if x.is_empty() {
         return 0.0;

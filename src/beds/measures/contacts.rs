@@ -32,6 +32,30 @@ pub struct Contact {
 }
 
 /// All contacts of a state: first pairs, then walls, each by ascending ids.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::contacts::{Partner, contacts};
+/// use demhybrid::files::run_file::State;
+/// use demhybrid::scene::Scene;
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let state = State {
+///     frame: 0,
+///     time: 0.0,
+///     x: vec![[0.3, 0.3, 0.099], [0.3, 0.3, 0.297]],
+///     v: vec![[0.0; 3]; 2],
+///     omega: None,
+/// };
+/// let found = contacts(&scene, &state); // one sphere on another one on the floor
+/// assert_eq!((found[0].i, found[0].partner), (0, Partner::Sphere(1)));
+/// assert_eq!((found[1].i, found[1].partner), (0, Partner::Wall(4)));
+/// assert!((found[0].overlap - 2e-3).abs() < 1e-12); // m
+/// assert!((found[0].force - 5.8 * 0.3f64.exp()).abs() < 1e-9); // N
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn contacts(scene: &Scene, state: &State) -> Vec<Contact> {
     let r = scene.particles.radius;
     let law = effects::normal_law(scene);
@@ -88,6 +112,18 @@ pub fn fewest_that_hold(scene: &Scene) -> usize {
 }
 
 /// Whether each sphere is a rattler: it has fewer than `fewest` contacts, not counting those with rattlers.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::contacts::{Contact, Partner, coordination, rattlers};
+///
+/// let touch = |i, j| Contact { i, partner: Partner::Sphere(j), overlap: 1e-3, force: 1.0 };
+/// // A ring of three, and a fourth sphere that touches one of them.
+/// let contacts = [touch(0, 1), touch(0, 2), touch(1, 2), touch(0, 3)];
+/// assert_eq!(coordination(4, &contacts), [3, 2, 2, 1]);
+/// assert_eq!(rattlers(4, &contacts, 2), [false, false, false, true]);
+/// ```
 pub fn rattlers(count: usize, contacts: &[Contact], fewest: usize) -> Vec<bool> {
     let mut partners = vec![Vec::new(); count];
     let mut numbers = vec![0usize; count];

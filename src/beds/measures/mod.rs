@@ -19,6 +19,18 @@ const CELLS: usize = 100;
 ///
 /// A sphere of radius `r` (m) scores one hit for each cell of a 100^3 grid whose centre it covers. Overlaps
 /// count twice, so the fraction of the union, [`bed::union_volume_fraction`], is smaller.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::paper_volume_fraction;
+/// use demhybrid::math::vector::Vec3;
+///
+/// let one = paper_volume_fraction(&[Vec3::repeat(0.5)], 0.5);
+/// assert!((one - std::f64::consts::PI / 6.0).abs() < 1e-3);
+/// // Overlaps count twice.
+/// assert_eq!(paper_volume_fraction(&[Vec3::repeat(0.5); 2], 0.5), 2.0 * one);
+/// ```
 pub fn paper_volume_fraction(x: &[Vec3], r: f64) -> f64 {
     let centre = |k: usize| (k as f64 + 0.5) / CELLS as f64;
     let cells = |c: f64| {

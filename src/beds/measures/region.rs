@@ -6,6 +6,21 @@ use crate::math::vector::Vec3;
 use crate::scene::Scene;
 
 /// The part of a bed in which volumes are measured.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::region::RegionRequest;
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::scene::Scene;
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let (region, words) = RegionRequest::Whole.of(&scene, &[Vec3::new(0.3, 0.3, 0.4)]);
+/// assert!((region.volume() - 0.75 * 0.75 * 0.5).abs() < 1e-15); // the box up to the top of the sphere, m^3
+/// assert_eq!(words, "the whole bed");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub enum RegionRequest {
     /// The bed without its top.

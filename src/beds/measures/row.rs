@@ -9,6 +9,32 @@ use crate::math::vector::Vec3;
 use crate::scene::Scene;
 
 /// The measures of one frame.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::row::Row;
+/// use demhybrid::beds::measures::union::Region;
+/// use demhybrid::files::run_file::State;
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::scene::Scene;
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let state = State {
+///     frame: 0,
+///     time: 0.0,
+///     x: vec![[0.3, 0.3, 0.099], [0.3, 0.3, 0.297]],
+///     v: vec![[0.0; 3]; 2],
+///     omega: None,
+/// };
+/// let region = Region::Box { low: Vec3::zeros(), high: Vec3::new(0.75, 0.75, 0.5) };
+/// let row = Row::of(&scene, &state, &region);
+/// assert_eq!((row.contacts, row.wall_contacts), (1, 1));
+/// assert!((row.bed_height - 0.397).abs() < 1e-12); // m
+/// assert!((row.porosity - 0.97).abs() < 1e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Serialize)]
 pub struct Row {
     /// Number of the frame.

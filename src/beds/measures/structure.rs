@@ -21,6 +21,21 @@ const MOST_SECTIONS: f64 = 500.0;
 /// correction of Ohser and Stoyan removes the effect of the bounds of the box.
 ///
 /// Empty if there are fewer than two centres, or if half of the shortest side is narrower than a bin.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::structure::radial_distribution;
+/// use demhybrid::math::vector::Vec3;
+///
+/// // A cubic lattice has no neighbours below its spacing, and six there.
+/// let at = |k: usize| 0.1 + 0.2 * k as f64;
+/// let centres: Vec<Vec3> =
+///     (0..125).map(|k| Vec3::new(at(k % 5), at(k / 5 % 5), at(k / 25))).collect();
+/// let g = radial_distribution(&centres, 0.1, (Vec3::zeros(), Vec3::repeat(1.0)));
+/// assert!(g.iter().all(|[distance, value]| *distance > 0.19 || *value == 0.0));
+/// assert!(g.iter().any(|[distance, value]| (*distance - 0.2).abs() < 0.01 && *value > 1.0));
+/// ```
 pub fn radial_distribution(x: &[Vec3], r: f64, (low, high): (Vec3, Vec3)) -> Vec<[f64; 2]> {
     let inside: Vec<Vec3> =
         x.iter().filter(|x| (0..3).all(|k| (low[k]..=high[k]).contains(&x[k]))).copied().collect();
@@ -81,6 +96,20 @@ fn porosities(spheres: &Spheres, region: &Region, axis: usize, positions: &[f64]
 }
 
 /// Porosity over height in `region`: heights (m), and the exact porosity of the horizontal section at each.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::structure::over_height;
+/// use demhybrid::beds::measures::union::{Region, Spheres};
+/// use demhybrid::math::vector::Vec3;
+///
+/// let centre = [Vec3::repeat(0.5)];
+/// let cube = Region::Box { low: Vec3::zeros(), high: Vec3::repeat(1.0) };
+/// let profile = over_height(&Spheres::new(&centre, 0.5), &cube, 0.5);
+/// let least = profile.iter().map(|[_, porosity]| *porosity).fold(1.0, f64::min);
+/// assert!((least - (1.0 - std::f64::consts::PI / 4.0)).abs() < 1e-2); // half-way up
+/// ```
 pub fn over_height(spheres: &Spheres, region: &Region, r: f64) -> Vec<[f64; 2]> {
     let (low, high) = region.bounds();
     let heights = positions(low.z, high.z, r);

@@ -34,6 +34,18 @@ pub struct Half {
 }
 
 /// A part of space with a known volume.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::union::Region;
+/// use demhybrid::math::vector::Vec3;
+///
+/// let tube = Region::Cylinder { axis: [0.0, 0.0], radius: 0.5, ends: [0.0, 2.0] };
+/// assert!((tube.volume() - std::f64::consts::PI / 2.0).abs() < 1e-15); // m^3
+/// assert!(tube.holds(&Vec3::new(0.3, 0.3, 1.0)) && !tube.holds(&Vec3::new(0.4, 0.4, 1.0)));
+/// assert_eq!(tube.section(0, 0.0), 2.0); // m^2, through the axis
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Region {
     /// A box.
@@ -117,6 +129,22 @@ impl Region {
 }
 
 /// Spheres, each with the planes half-way to the spheres that it overlaps.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::union::{Region, Spheres};
+/// use demhybrid::math::vector::Vec3;
+/// use std::f64::consts::PI;
+///
+/// // Two spheres overlap by a lens: two caps of height h = 0.25 m.
+/// let centres = [Vec3::zeros(), Vec3::new(1.5, 0.0, 0.0)];
+/// let all = Region::Box { low: Vec3::repeat(-3.0), high: Vec3::repeat(3.0) };
+/// let volumes = Spheres::new(&centres, 1.0).volumes(&all);
+/// let cap = PI * 0.25 * 0.25 * (3.0 - 0.25) / 3.0;
+/// assert!((volumes.spheres - 8.0 / 3.0 * PI).abs() < 1e-12); // m^3
+/// assert!((volumes.union - (8.0 / 3.0 * PI - 2.0 * cap)).abs() < 1e-12);
+/// ```
 pub struct Spheres<'a> {
     x: &'a [Vec3],
     r: f64,
@@ -235,6 +263,19 @@ fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
 }
 
 /// Calls `visit` for every pair of centres within `cutoff` (m) of each other. The order depends on `x` alone.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::measures::union::for_each_pair;
+/// use demhybrid::math::vector::Vec3;
+///
+/// let centres = [0.0, 0.2, 0.4, 2.0].map(|x| Vec3::new(x, 0.0, 0.0));
+/// let mut pairs = Vec::new();
+/// for_each_pair(&centres, 0.3, |[i, j]| pairs.push([i.min(j), i.max(j)]));
+/// pairs.sort();
+/// assert_eq!(pairs, [[0, 1], [1, 2]]);
+/// ```
 pub fn for_each_pair(x: &[Vec3], cutoff: f64, visit: impl FnMut([usize; 2])) {
     let keys: Vec<Key> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();

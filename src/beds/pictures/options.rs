@@ -14,6 +14,15 @@ pub enum Projection {
 }
 
 /// Width and height of a picture, pixels.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::pictures::Size;
+///
+/// assert_eq!("1280x960".parse(), Ok(Size { width: 1280, height: 960 }));
+/// assert!("1280".parse::<Size>().is_err());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
     /// Columns.
@@ -42,6 +51,17 @@ impl FromStr for Size {
 }
 
 /// Values at the two ends of the colour scale, in the unit of the quantity.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::pictures::Limits;
+///
+/// let limits: Limits = "0,2.5".parse()?;
+/// assert_eq!(limits.share(1.25), 0.5);
+/// assert_eq!(limits.share(100.0), 1.0);
+/// # Ok::<(), String>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// The first colour stands for this value and all smaller ones.

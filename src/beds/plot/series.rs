@@ -25,6 +25,20 @@ pub struct Line {
 }
 
 /// Draws the lines over a common linear x axis.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::beds::plot::{Line, series};
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("height.svg");
+/// let points = (0..100).map(|k| 0.01 * f64::from(k)).map(|t| (t, 1.0 - t * t)).collect();
+/// let lines = [Line { name: "fall".to_owned(), points }];
+/// series(&path, "A fall", "time in s", "height in m", false, &lines)?;
+/// assert!(std::fs::read_to_string(&path)?.contains("A fall"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn series(
     path: &Path,
     title: &str,

@@ -22,7 +22,7 @@ mod interrupts;
 mod resume;
 
 /// A run of a scene.
-#[derive(Debug, Clone, PartialEq, clap::Args)]
+#[derive(Debug, Clone, Default, PartialEq, clap::Args)]
 pub struct Args {
     /// Scene file, TOML in SI units
     #[arg(required_unless_present = "resume")]

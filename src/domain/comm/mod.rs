@@ -10,6 +10,17 @@ use super::world::Communicator;
 /// Messages to or from several ranks in one flat buffer.
 ///
 /// `data[bounds[k]..bounds[k + 1]]` is the parcel to or from `ranks[k]`.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::domain::Parcels;
+///
+/// let mut parcels = Parcels::with_counts(&[2, 0, 1]);
+/// parcels.data.copy_from_slice(&[1.0, 2.0, 3.0]);
+/// let all: Vec<(usize, &[f64])> = parcels.iter().collect();
+/// assert_eq!(all, [(0, &[1.0, 2.0][..]), (2, &[3.0][..])]); // nothing for rank 1
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Parcels {
     /// Partner ranks, ascending, without the own rank.
@@ -82,6 +93,18 @@ pub trait Comm {
 }
 
 /// A single rank: every operation is the identity.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::domain::{Comm, Solo};
+///
+/// let comm: &dyn Comm = &Solo;
+/// assert_eq!((comm.rank(), comm.size()), (0, 1));
+/// let mut values = [1.5, -2.0];
+/// comm.max(&mut values);
+/// assert_eq!(values, [1.5, -2.0]);
+/// ```
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Solo;
 

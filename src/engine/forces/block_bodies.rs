@@ -60,8 +60,9 @@ impl Offset {
     /// Largest squared distance (m^2) of some `bodies` from their `marks` (m), or 0 if it certainly does not
     /// exceed `limit` (m^2).
     ///
-    /// `starts` are the same bodies at the start of the step. Both are rows of `width` numbers. `way` (m^2) is the largest squared distance of
-    /// the bodies from their starts. It must be infinite if a position is NaN.
+    /// `starts` are the same bodies at the start of the step. Both are rows of `width` numbers. `way` (m^2)
+    /// is the largest squared distance of the bodies from their starts. It must be infinite if a position is
+    /// NaN.
     pub fn furthest(
         &mut self,
         marks: &[Vec3],

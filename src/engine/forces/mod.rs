@@ -145,8 +145,8 @@ impl Forces {
         }
     }
 
-    /// Takes over `bodies`, rows of the state, and builds their neighbour lists. The first `owned` of them are the owned
-    /// particles, the others are ghosts.
+    /// Takes over `bodies`, rows of the state, and builds their neighbour lists. The first `owned` of them
+    /// are the owned particles, the others are ghosts.
     ///
     /// Lists pairs of centres within `cutoff` (m), and walls within `wall_cutoff` (m) of a centre. `keys`
     /// belong to the bodies; those of the owned particles are ascending.

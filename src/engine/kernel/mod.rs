@@ -88,6 +88,24 @@ pub trait Kernel: Send + Sync {
 /// The kernel for these effects. The processor must have the instructions of `set`.
 ///
 /// This is the one place where effects become types.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::engine::kernel::kernel;
+/// use demhybrid::math::instructions::InstructionSet;
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::effects::Effects;
+/// use demhybrid::scene::{Scene, effects};
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let kernel = kernel(Effects::of(&scene), effects::law(&scene), InstructionSet::Baseline);
+/// assert_eq!(kernel.width(), 9); // with rotation
+/// let at_rest = kernel.action(0.0, &Vec3::z(), &Vec3::zeros(), &Vec3::zeros());
+/// assert!((at_rest.force.z - 5.8).abs() < 1e-12); // rho(0) F_0 = (1 + e^2)/2 F_0, N
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn kernel(effects: Effects, law: LawParameters, set: InstructionSet) -> Box<dyn Kernel> {
     if effects.dissipative {
         with_rebound(effects.variant, Dissipative::new(law.e, law.psi), law, set)
@@ -112,6 +130,22 @@ fn with_rebound<R: Rebound>(
 
 /// A kernel with a law of one's own. The state has angular velocities if friction turns the spheres
 /// ([`Tangential::TURNS`]).
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::engine::kernel::compiled;
+/// use demhybrid::math::instructions::InstructionSet;
+/// use demhybrid::model::contact::{Coulomb, Elastic, Turning};
+/// use demhybrid::scene::{Scene, effects};
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let (law, set) = (effects::law(&scene), InstructionSet::Baseline);
+/// assert_eq!(compiled(law, Elastic, Coulomb::new(0.3, 0.01), set).width(), 6);
+/// assert_eq!(compiled(law, Elastic, Turning(Coulomb::new(0.3, 0.01)), set).width(), 9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn compiled<R: Rebound, T: Tangential>(
     law: LawParameters,
     rebound: R,

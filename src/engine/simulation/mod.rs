@@ -32,6 +32,28 @@ mod rounding;
 mod trial;
 
 /// A run of a scene.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::domain::Solo;
+/// use demhybrid::engine::simulation::{Frame, Simulation};
+/// use demhybrid::scene::{Scene, initial_condition};
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &["t_end=0.1".to_owned()])?;
+/// let grid = scene.particles.grid.as_ref().ok_or("there is no grid")?;
+/// let start = initial_condition::grid(&scene, grid);
+///
+/// let mut times = Vec::new();
+/// let outcome = Simulation::new(&scene, &start, &Solo)?.run(&mut |frame: &Frame| {
+///     times.push(frame.time);
+///     Ok(())
+/// })?;
+/// assert_eq!((outcome.time, outcome.stopped), (0.1, None));
+/// assert_eq!((times.len(), times[0], times[5]), (6, 0.0, 0.1)); // a frame each 0.02 s
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Simulation<'c> {
     comm: &'c dyn Comm,
     dynamics: Dynamics<'c>,

@@ -56,6 +56,34 @@ impl Frame<'_> {
 }
 
 /// Receives the frames and checkpoints of a run.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::domain::Solo;
+/// use demhybrid::engine::simulation::{Frame, Observer, Simulation};
+/// use demhybrid::error::Error;
+/// use demhybrid::scene::{Scene, initial_condition};
+///
+/// /// Ends the run where the bed is higher than this, m.
+/// struct LowerThan(f64);
+///
+/// impl Observer for LowerThan {
+///     fn frame(&mut self, frame: &Frame) -> Result<(), Error> {
+///         if frame.bed_height < self.0 { Ok(()) } else { Err(Error::Input("too high".to_owned())) }
+///     }
+/// }
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &["t_end=0.1".to_owned()])?;
+/// let grid = scene.particles.grid.as_ref().ok_or("there is no grid")?;
+/// let start = initial_condition::grid(&scene, grid);
+///
+/// let run = |most| Simulation::new(&scene, &start, &Solo)?.run(&mut LowerThan(most));
+/// assert!(run(2.0).is_ok());
+/// assert_eq!(run(0.5).unwrap_err().to_string(), "too high");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Observer {
     /// Receives a frame. Collective.
     fn frame(&mut self, frame: &Frame) -> Result<(), Error>;

@@ -62,6 +62,19 @@ pub fn stop_file(output: &Path) -> PathBuf {
 }
 
 /// Path of the checkpoint number `serial`: an odd one goes to the first file, an even one to the second.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::files::checkpoint::{slot, slots, stop_file};
+/// use std::path::Path;
+///
+/// let output = Path::new("bed.vtkhdf");
+/// let [a, _] = slots(output);
+/// assert_eq!(a, Path::new("bed.vtkhdf.ckpt-a"));
+/// assert_eq!(slot(output, 4), Path::new("bed.vtkhdf.ckpt-b"));
+/// assert_eq!(stop_file(output), Path::new("bed.vtkhdf.stop"));
+/// ```
 pub fn slot(output: &Path, serial: u64) -> PathBuf {
     let [a, b] = slots(output);
     if serial % 2 == 1 { a } else { b }

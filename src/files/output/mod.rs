@@ -169,6 +169,22 @@ impl<'a> Output<'a> {
     ///
     /// Without `force` no file may exist there. Rank 0 checks, and all ranks return what it found: the
     /// absolute path, or an error that says what is wrong and what would be right.
+    ///
+    /// # Examples
+    ///
+    /// ```rust
+    /// use demhybrid::domain::Solo;
+    /// use demhybrid::files::output::Output;
+    ///
+    /// let folder = tempfile::tempdir()?;
+    /// let path = folder.path().join("bed.vtkhdf");
+    /// assert!(Output::check_path(&Solo, &path, false, 1000).is_ok());
+    /// std::fs::write(&path, "an earlier run")?;
+    /// let refused = Output::check_path(&Solo, &path, false, 1000).unwrap_err();
+    /// assert!(refused.to_string().contains("--force"));
+    /// assert!(Output::check_path(&Solo, &path, true, 1000).is_ok());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     pub fn check_path(
         comm: &dyn Comm,
         path: &Path,

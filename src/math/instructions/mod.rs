@@ -9,6 +9,16 @@ use lanes::Wide;
 mod lanes;
 
 /// A vector instruction set that the kernel is compiled for.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::instructions::InstructionSet;
+///
+/// let sets = InstructionSet::available();
+/// assert_eq!(sets[0], InstructionSet::Baseline);
+/// assert_eq!(sets[0].name(), "baseline");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum InstructionSet {
     /// The instructions that every processor of this architecture has.

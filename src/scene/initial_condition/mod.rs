@@ -16,6 +16,21 @@ pub(crate) use file::read_bytes;
 pub use file::read_csv;
 
 /// Initial state of all particles. Row `k` is the particle with id `k`. All three lists have the same length.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::scene::initial_condition::InitialCondition;
+///
+/// let two = InitialCondition {
+///     x: vec![[0.0, 0.0, 0.2], [0.0, 0.0, 0.5]],
+///     v: vec![[0.0; 3]; 2],
+///     omega: vec![[0.0; 3]; 2],
+///     ..InitialCondition::default()
+/// };
+/// let (_, state, _) = two.rows(1..2, false);
+/// assert_eq!(state, [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]); // position and velocity of particle 1
+/// ```
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct InitialCondition {
     /// Centres, m.
@@ -67,6 +82,21 @@ impl InitialCondition {
 ///
 /// The scene must have a seed ([`Scene::set_seed_if_missing`]), and a box that is finite in x and y with room
 /// for a cell ([`Scene::parse`] checks that).
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::scene::{Scene, initial_condition};
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let grid = scene.particles.grid.as_ref().ok_or("there is no grid")?;
+/// let start = initial_condition::grid(&scene, grid);
+/// assert_eq!(start.x.len(), 27);
+/// assert_eq!(start, initial_condition::grid(&scene, grid)); // the seed decides
+/// initial_condition::check(&scene, &start)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
     let sides = scene.container.r#box.clone().unwrap_or_default();
     let cells = |axis: usize| cells_along(sides.max[axis] - sides.min[axis], grid.spacing).max(1);
@@ -91,6 +121,21 @@ pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
 ///
 /// All numbers must be finite, angular velocities must be 0 without rotation, and every centre must lie
 /// strictly inside all walls.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::scene::{Scene, initial_condition};
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let grid = scene.particles.grid.as_ref().ok_or("there is no grid")?;
+/// let mut start = initial_condition::grid(&scene, grid);
+/// start.x[3][2] = -0.25;
+/// let mistake = initial_condition::check(&scene, &start).unwrap_err().to_string();
+/// assert!(mistake.contains("particle 3") && mistake.contains("0.25 m beyond"), "{mistake}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
     let walls = described_walls(&scene.container);
     let rotates = scene.rotates();
@@ -144,6 +189,19 @@ fn origin(scene: &Scene) -> String {
 /// - the largest speed of a surface in the initial condition;
 /// - the speed that a contact at F_0 gives, sqrt(F_0/(kappa m));
 /// - 1 m/s.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::scene::initial_condition::{InitialCondition, velocity_scale};
+/// use demhybrid::scene::Scene;
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let scale = velocity_scale(&scene, &InitialCondition::default());
+/// assert!((scale - (9.81f64 * 0.1).sqrt()).abs() < 1e-12); // m/s
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn velocity_scale(scene: &Scene, start: &InitialCondition) -> f64 {
     let r = scene.particles.radius;
     let length = |vector: &[f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();

@@ -30,6 +30,15 @@ pub struct Impact {
 ///
 /// The ball starts at rest at `height` (m) above the floor, under the gravity `g` (m/s^2). It keeps the share
 /// `e` of its speed.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::studies::accuracy::exact::hard_rebound_time;
+///
+/// let time = hard_rebound_time(16.0, 9.81, 1.0); // two falls from 16 m
+/// assert!((time - 2.0 * (32.0f64 / 9.81).sqrt()).abs() < 1e-15); // s
+/// ```
 pub fn hard_rebound_time(height: f64, g: f64, e: f64) -> f64 {
     (1.0 + e) * (2.0 * height / g).sqrt()
 }

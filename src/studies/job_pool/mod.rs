@@ -45,6 +45,21 @@ impl Sample {
 }
 
 /// The ranks and threads that run jobs.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::domain::Solo;
+/// use demhybrid::studies::job_pool::{JobPool, Sample};
+///
+/// let pool = JobPool { comm: &Solo, threads: 2, quiet: true };
+/// let samples = pool.run("squares", &[1.0, 2.0, 3.0], |x: &f64| Sample {
+///     numbers: vec![x * x],
+///     ..Sample::default()
+/// });
+/// assert_eq!(samples.iter().map(|sample| sample.number(0)).collect::<Vec<f64>>(), [1.0, 4.0, 9.0]);
+/// assert!(samples[0].number(1).is_nan()); // there is no second number
+/// ```
 pub struct JobPool<'a> {
     /// The ranks. Job k runs on rank k modulo the number of ranks.
     pub comm: &'a dyn Comm,

@@ -46,6 +46,22 @@ pub fn work_limit(particles: usize) -> u64 {
 ///
 /// The sample has the work and, if the run failed, the reason. The work of a failed run is counted up to its
 /// last frame. The caller fills in the numbers.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::scene::{Scene, initial_condition};
+/// use demhybrid::studies::job_pool::run::{run, work_limit};
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &["t_end=0.1".to_owned()])?;
+/// let grid = scene.particles.grid.as_ref().ok_or("there is no grid")?;
+/// let start = initial_condition::grid(&scene, grid);
+/// let mut frames = 0;
+/// let sample = run(&scene, &start, work_limit(start.x.len()), |_| frames += 1);
+/// assert_eq!((frames, sample.failure), (6, None)); // one in 0.02 s, and that at the start
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn run(scene: &Scene, start: &InitialCondition, limit: u64, mut look: impl FnMut(&FrameData)) -> Sample {
     // The number of fixed steps is known in advance, so check it before the run.
     let steps = scene.solver.step.map_or(0.0, |step| scene.t_end / step);
