@@ -144,12 +144,20 @@ pub fn mixed_machines_warning(common: InstructionSet, widest: InstructionSet) ->
 }
 
 /// Which cores this process may run on.
+#[cfg(target_os = "linux")]
 fn usable_cores() -> Vec<bool> {
     let set = rustix::thread::sched_getaffinity(None).unwrap_or_default();
     (0..rustix::thread::CpuSet::MAX_CPU).map(|core| set.is_set(core)).collect()
 }
 
+/// Which cores this process may run on: where the system does not tell, as many as the process may use.
+#[cfg(not(target_os = "linux"))]
+fn usable_cores() -> Vec<bool> {
+    vec![true; online_cores()]
+}
+
 /// Number of cores of this machine, whether or not this process may use them.
+#[cfg(target_os = "linux")]
 fn online_cores() -> usize {
     let list = std::fs::read_to_string("/sys/devices/system/cpu/online").unwrap_or_default();
     let count = |range: &str| {
@@ -159,10 +167,23 @@ fn online_cores() -> usize {
     list.trim().split(',').filter_map(count).sum::<usize>().max(1)
 }
 
+/// Number of cores that this process may use.
+#[cfg(not(target_os = "linux"))]
+fn online_cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
 /// Physical memory of this machine, bytes.
+#[cfg(target_os = "linux")]
 pub fn physical_memory() -> u64 {
     let info = rustix::system::sysinfo();
     info.totalram as u64 * u64::from(info.mem_unit)
+}
+
+/// Physical memory of this machine, bytes: 0, which is unknown.
+#[cfg(not(target_os = "linux"))]
+pub fn physical_memory() -> u64 {
+    0
 }
 
 /// Peak memory of this process, bytes; 0 if the system does not report it.
