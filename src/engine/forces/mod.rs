@@ -67,7 +67,7 @@ pub enum Broken {
 
 /// Work of a particle without its pairs (stages, copies, walls), in units of half a pair.
 ///
-/// The costs are in docs/performance.md.
+/// What it costs in time is in docs/decisions/004.
 const LOAD: u64 = 4;
 
 /// Cost of handing a block over to another thread (2 us), in the same units. The last block has none.
