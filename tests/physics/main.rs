@@ -10,7 +10,6 @@ mod hard;
 mod impact;
 #[path = "../program/mpirun.rs"]
 mod mpirun;
-mod own_law;
 #[cfg(feature = "long-tests")]
 mod packing;
 mod properties;
