@@ -7,8 +7,10 @@ use crate::domain::agreement::{agree, share};
 use crate::domain::{Comm, launch};
 use crate::error::Error;
 use crate::math::digits;
+use crate::model::columns::Column;
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
+use std::iter;
 use std::path::Path;
 
 /// Reads the scene file `path` and its particles on rank 0, and checks both on every rank. Collective.
@@ -49,16 +51,20 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
 
 /// Copies the particles that rank 0 has in `own` to every rank. Collective.
 pub fn share_start(comm: &dyn Comm, own: InitialCondition) -> InitialCondition {
-    let both = |list: Vec<[f64; 3]>| {
-        let mut bytes: Vec<u8> = list.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
+    let numbers = |own: &[f64]| -> Vec<f64> {
+        let mut bytes: Vec<u8> = own.iter().flat_map(|x| x.to_le_bytes()).collect();
         comm.broadcast(&mut bytes);
-        let number = |b: &[u8]| f64::from_le_bytes(b.try_into().expect("chunks have eight bytes"));
-        bytes
-            .chunks_exact(24)
-            .map(|row| [number(&row[..8]), number(&row[8..16]), number(&row[16..])])
-            .collect()
+        bytes.as_chunks().0.iter().map(|&number| f64::from_le_bytes(number)).collect()
     };
-    InitialCondition { x: both(own.x), v: both(own.v), omega: both(own.omega), ..InitialCondition::default() }
+    let vectors = |own: &[[f64; 3]]| numbers(own.as_flattened()).as_chunks().0.to_vec();
+    let (x, v, omega) = (vectors(&own.x), vectors(&own.v), vectors(&own.omega));
+    let (columns, own): (Vec<Column>, Vec<Vec<f64>>) = own.columns.into_iter().unzip();
+    let mut described = serde_json::to_vec(&columns).expect("a column is text and numbers");
+    comm.broadcast(&mut described);
+    let columns: Vec<Column> = serde_json::from_slice(&described).expect("rank 0 described them");
+    let own = own.iter().map(Vec::as_slice).chain(iter::repeat(&[][..]));
+    let columns = columns.into_iter().zip(own).map(|(column, own)| (column, numbers(own))).collect();
+    InitialCondition { x, v, omega, columns }
 }
 
 /// Listed pairs per particle in a packed bed, approximately.
@@ -96,4 +102,29 @@ pub fn check_memory(comm: &dyn Comm, scene: &Scene, count: u64) -> Result<(), Er
         )));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::comm::team::team;
+    use crate::model::columns::Changes;
+
+    #[test]
+    fn every_rank_gets_all_that_rank_0_has() {
+        let column = |name: &str, width| {
+            let (name, unit, changes) = (name.to_owned(), "1".to_owned(), Changes::WithLists);
+            Column { name, width, unit, changes, in_file: true }
+        };
+        let start = InitialCondition {
+            x: vec![[0.0, 0.1, 0.2], [1.0, 1.1, 1.2]],
+            v: vec![[2.0, 2.1, 2.2], [3.0, 3.1, 3.2]],
+            omega: vec![[4.0, 4.1, 4.2], [5.0, 5.1, 5.2]],
+            columns: vec![(column("tag", 1), vec![6.0, 7.0]), (column("way", 2), vec![8.0, 8.5, 9.0, 9.5])],
+        };
+        team(3, |comm| {
+            let own = if comm.rank() == 0 { start.clone() } else { InitialCondition::default() };
+            assert_eq!(share_start(comm, own), start);
+        });
+    }
 }

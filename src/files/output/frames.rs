@@ -276,6 +276,7 @@ impl Frames {
         for column in in_file(contents.columns).filter(|column| column.changes == Changes::WithLists) {
             let (name, shape) = (&column.name, column_shape(&column.width));
             let array = fixed_rows::<f64>(point_data, name, self.count, shape)?;
+            set_new_text(&array, "unit", &column.unit)?;
             self.transfer.write_column(&array, first, column.width, &constants(column))?;
         }
         let vertices = root.group("Vertices")?;

@@ -13,6 +13,7 @@ use super::RunInfo;
 use super::collective::{Transfer, begin_behind_the_end};
 use super::frames::{largest_growth, options, put_scene};
 use crate::domain::Solo;
+use crate::model::columns::{Changes, Column};
 use crate::scene::initial_condition::InitialCondition;
 
 /// What an output file says about the run that wrote it.
@@ -80,7 +81,22 @@ pub fn frame(file: &File, k: u64, count: u64) -> Result<InitialCondition, String
     let spins = "VTKHDF/PointData/angular_velocity";
     let (x, v) = (rows("VTKHDF/Points")?, rows("VTKHDF/PointData/velocity")?);
     let omega = if file.link_exists(spins) { rows(spins)? } else { vec![[0.0; 3]; x.len()] };
-    Ok(InitialCondition { x, v, omega, ..InitialCondition::default() })
+    Ok(InitialCondition { x, v, omega, columns: constants(file, count).map_err(say)? })
+}
+
+/// The columns of `count` particles that the file holds once, for all frames; without ids and radii.
+fn constants(file: &File, count: u64) -> hdf5::Result<Vec<(Column, Vec<f64>)>> {
+    let point_data = file.group("VTKHDF/PointData")?;
+    let of_frames = ["velocity", "angular_velocity", "id", "radius"];
+    let names = point_data.member_names()?.into_iter().filter(|name| !of_frames.contains(&&name[..]));
+    let read = |name: String| {
+        let array = point_data.dataset(&name)?;
+        let numbers: Vec<f64> = array.read_raw()?;
+        let unit = array.attr("unit")?.read_scalar::<VarLenUnicode>()?.to_string();
+        let width = numbers.len() / count.max(1) as usize;
+        Ok((Column { name, width, unit, changes: Changes::WithLists, in_file: true }, numbers))
+    };
+    names.map(read).collect()
 }
 
 /// Cuts the file to its first `frames` frames, so that the run which `info` describes can go on in it.
