@@ -189,6 +189,7 @@ impl Norm {
     /// The index k counts from the start of the vector.
     pub fn largest(&self, part: Part, value: impl Fn(usize) -> f64) -> f64 {
         let weights = &self.weights[part.segment][..];
+        assert_eq!(weights.len(), part.width, "every column of the segment has a weight");
         match weights.len() {
             // The usual widths, which the compiler then knows.
             6 => largest::<6>(weights, part, value),

@@ -172,7 +172,14 @@ impl<'c> Dynamics<'c> {
         let kernel = kernel(set);
         let l_max = kernel.law().l_max;
         let Particles { ids, columns, constants, y } = particles;
-        debug_assert_eq!(kernel.width(), columns.width(Changes::EveryStage), "columns of the state");
+        if kernel.width() != columns.width(Changes::EveryStage) {
+            return Err(Error::Input(format!(
+                "the contact law needs {} numbers for the state of a particle, and the particles have {}: the \
+                 law must be the one with which the run began",
+                kernel.width(),
+                columns.width(Changes::EveryStage)
+            )));
+        }
         let segment = Segment { rows: ids.len(), width: kernel.width(), positions: POSITION.end };
         let mut dynamics = Dynamics {
             domain: Decomposition::new(comm, ids, columns, constants, y),

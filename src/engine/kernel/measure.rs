@@ -5,7 +5,7 @@ use crate::math::elementary::Arithmetic;
 use crate::math::instructions::{InstructionSet, Lanes, Vectorised, run};
 use crate::math::vector::{Vec3, scaled, vector};
 use crate::model::columns::{POSITION, VELOCITY, position};
-use crate::model::contact::{AtRest, Law, Rebound, Tangential};
+use crate::model::contact::{AtRest, Energies, Law, Rebound, Tangential};
 use crate::model::wall::Wall;
 
 /// The contacts of one block to be measured. Over all blocks of all ranks, each contact is measured once.
@@ -98,16 +98,13 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
     fn work<L: Lanes>(self) {
         let Power(law, Survey { r, walls, bodies, block, batch, .. }, take) = self;
         let (bodies, energies) = (rows::<N>(bodies), law.energies());
-        let power = |batch: &mut Batch, k: usize, gap: f64, n: Vec3| {
-            let numbers = energies.dissipation::<L>(gap, &n, &batch.velocity(k), &batch.torque::<N>(k));
-            batch.put_numbers(k, numbers);
-        };
         for pairs in block.near.chunks(BATCH) {
             batch.gather::<L, N>(bodies, pairs);
             for k in 0..Batch::rows(pairs.len()) {
                 let apart = batch.normal(k);
                 let (d2, inverse_d) = distance::<L>(&apart);
-                power(batch, k, L::add_product(d2, inverse_d, -2.0 * r), scaled(inverse_d, &apart));
+                let gap = L::add_product(d2, inverse_d, -2.0 * r);
+                put_power::<L, R, T, N>(&energies, batch, k, gap, &scaled(inverse_d, &apart));
             }
             take_owned(block, pairs, batch, take);
         }
@@ -118,11 +115,25 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
                 batch.put::<N>(k, &-wall.normal, &vector(&body[VELOCITY]), &spin(body));
             }
             for k in 0..Batch::rows(contacts.len()) {
-                power(batch, k, batch.gap[k], batch.normal(k));
+                let (gap, n) = (batch.gap[k], batch.normal(k));
+                put_power::<L, R, T, N>(&energies, batch, k, gap, &n);
             }
             (0..contacts.len()).for_each(|k| take(batch.numbers(k)));
         }
     }
+}
+
+/// Computes the power of the contact in row `k`. A closure would be compiled without vector instructions.
+#[inline(always)]
+fn put_power<L: Lanes, R: Rebound, T: Tangential, const N: usize>(
+    energies: &Energies<R, T>,
+    batch: &mut Batch,
+    k: usize,
+    gap: f64,
+    n: &Vec3,
+) {
+    let numbers = energies.dissipation::<L>(gap, n, &batch.velocity(k), &batch.torque::<N>(k));
+    batch.put_numbers(k, numbers);
 }
 
 /// Calls `take` for the pairs whose first particle is an own one. The others are counted in its block.

@@ -7,7 +7,7 @@
 //! A resumed run repeats that step. So it also repeats the frames within it, wherever the run was stopped.
 
 use super::physics::scene_kernel;
-use super::{Progress, Simulation, parameters};
+use super::{Physics, Progress, Simulation, parameters};
 use crate::domain::{Comm, rows};
 use crate::engine::dynamics::{Dynamics, Extremes, Particles};
 use crate::error::Error;
@@ -83,6 +83,33 @@ impl<'c> Simulation<'c> {
     pub fn resume(
         scene: &Scene,
         comm: &'c dyn Comm,
+        particles: (u64, Columns),
+        scale: f64,
+        remembered: Remembered,
+    ) -> Result<Self, Error> {
+        let physics = Physics { kernel: &|set| scene_kernel(scene, set), parameters: parameters(scene) };
+        Self::go_on(scene, physics, comm, particles, scale, remembered)
+    }
+
+    /// `resume` for a run that began with [`Simulation::with_physics`]: a checkpoint does not hold the law.
+    pub fn resume_with_physics(
+        scene: &Scene,
+        physics: Physics,
+        comm: &'c dyn Comm,
+        particles: (u64, Columns),
+        scale: f64,
+        remembered: Remembered,
+    ) -> Result<Self, Error> {
+        let mut simulation = Self::go_on(scene, physics, comm, particles, scale, remembered)?;
+        simulation = simulation.without_default_cutoff(scene);
+        simulation.choose_cutoff();
+        Ok(simulation)
+    }
+
+    fn go_on(
+        scene: &Scene,
+        Physics { kernel, parameters }: Physics,
+        comm: &'c dyn Comm,
         (count, columns): (u64, Columns),
         scale: f64,
         remembered: Remembered,
@@ -99,9 +126,7 @@ impl<'c> Simulation<'c> {
         let lists = [&mut state, &mut slope, &mut direction].into_iter().zip(known);
         let mut companions: Vec<_> = lists.filter_map(|(list, known)| known.then_some(list)).collect();
         let particles = Particles { ids: ids.collect(), columns, constants, y: &mut at_origin };
-        let kernel = |set| scene_kernel(scene, set);
-        let mut dynamics =
-            Dynamics::new(comm, &kernel, parameters(scene), scale, particles, &mut companions)?;
+        let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut companions)?;
         let Progress { counts, .. } = memory.progress;
         dynamics.go_on_from(counts.rebuilds, counts.pairs);
         dynamics.commit(memory.extremes);

@@ -82,17 +82,38 @@ impl<'c> Simulation<'c> {
     /// A run from the initial condition `start`, which holds all particles, on every rank. Collective.
     pub fn new(scene: &Scene, start: &InitialCondition, comm: &'c dyn Comm) -> Result<Self, Error> {
         let physics = Physics { kernel: &|set| scene_kernel(scene, set), parameters: parameters(scene) };
-        Self::with_physics(scene, start, physics, comm)
+        Self::begin(scene, start, physics, comm)
     }
 
     /// `new` with other physics than the scene's. The kernel decides whether spheres rotate.
+    ///
+    /// All methods evaluate all contacts, unless the scene has `solver.neglected_force`.
     pub fn with_physics(
         scene: &Scene,
         start: &InitialCondition,
         physics: Physics,
         comm: &'c dyn Comm,
     ) -> Result<Self, Error> {
+        let simulation = Self::begin(scene, start, physics, comm)?;
+        Ok(simulation.without_default_cutoff(scene))
+    }
+
+    /// What the scene's own law neglects says nothing of another law.
+    fn without_default_cutoff(mut self, scene: &Scene) -> Self {
+        if scene.solver.neglected_force.is_none() {
+            self.cutoff = f64::INFINITY;
+        }
+        self
+    }
+
+    fn begin(
+        scene: &Scene,
+        start: &InitialCondition,
+        physics: Physics,
+        comm: &'c dyn Comm,
+    ) -> Result<Self, Error> {
         let ids = rows::block(start.x.len() as u64, comm.rank(), comm.size());
+        start.check_columns()?;
         let Physics { kernel, parameters } = physics;
         let rotation = kernel(InstructionSet::Baseline).width() == SPIN.end;
         let (columns, mut y, constants) = start.rows(ids.clone(), rotation);

@@ -325,3 +325,13 @@ fn the_two_files_take_turns_beside_the_output() {
     let order = [1, 2, 3, 4].map(|serial| slot(output, serial));
     assert_eq!(order, [0, 1, 0, 1].map(|k: usize| PathBuf::from(&names[k])));
 }
+
+#[test]
+fn a_checkpoint_of_particles_that_rotate_is_not_resumed_without_rotation() {
+    let (_folder, path) = sound();
+    let (Header { count, columns, velocity_scale, .. }, remembered) = read(&Solo, &path).unwrap();
+    let smooth = scene(&[]);
+    let refused = Simulation::resume(&smooth, &Solo, (count, columns), velocity_scale, remembered);
+    let why = refused.err().unwrap().to_string();
+    assert!(why.contains("needs 6 numbers for the state of a particle, and the particles have 9"), "{why}");
+}

@@ -176,7 +176,6 @@ fn write_block<N: H5Type>(
     memory: &Memory<N>,
 ) -> Result<()> {
     let &Memory { rows, shape, numbers } = memory;
-    debug_assert_eq!(numbers.len(), rows * shape.iter().product::<usize>(), "all rows are whole");
     // The memory space has the shape of the block in the file, because HDF5 is much slower with a flat one. A
     // rank without rows takes part with two empty selections. Its memory space has one unselected row.
     let extent = [&[rows.max(1)], shape].concat();
@@ -186,7 +185,9 @@ fn write_block<N: H5Type>(
     let mut start = vec![0; extent.len()];
     start[0] = first;
     let block: Vec<u64> = extent.iter().map(|&n| n as u64).collect();
-    debug_assert_eq!(in_file.ndim(), start.len(), "rows have the shape of the dataset");
+    if in_file.ndim() != start.len() || numbers.len() != rows * shape.iter().product::<usize>() {
+        return Err("an array of the file has another shape than its rows".into());
+    }
     // SAFETY: `start` and `block` have one entry per dimension; a null stride and block mean 1. The memory
     // space holds exactly the numbers of `rows` rows, or nothing is selected in it.
     hdf5::sync::sync(|| unsafe {

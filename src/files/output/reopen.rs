@@ -66,7 +66,8 @@ pub fn inspect(path: &Path) -> Result<Found, String> {
 
 /// The state of all `count` particles in the first frame.
 pub fn first_frame(path: &Path, count: u64) -> Result<InitialCondition, String> {
-    frame(&open(path)?, 0, count)
+    let file = open(path)?;
+    Ok(InitialCondition { columns: constants(&file, count).map_err(say)?, ..frame(&file, 0, count)? })
 }
 
 /// The state of all `count` particles in frame `k`, which must be complete.
@@ -81,22 +82,29 @@ pub fn frame(file: &File, k: u64, count: u64) -> Result<InitialCondition, String
     let spins = "VTKHDF/PointData/angular_velocity";
     let (x, v) = (rows("VTKHDF/Points")?, rows("VTKHDF/PointData/velocity")?);
     let omega = if file.link_exists(spins) { rows(spins)? } else { vec![[0.0; 3]; x.len()] };
-    Ok(InitialCondition { x, v, omega, columns: constants(file, count).map_err(say)? })
+    Ok(InitialCondition { x, v, omega, ..InitialCondition::default() })
 }
 
 /// The columns of `count` particles that the file holds once, for all frames; without ids and radii.
+///
+/// A column has a unit. Arrays without one are not ours.
 fn constants(file: &File, count: u64) -> hdf5::Result<Vec<(Column, Vec<f64>)>> {
     let point_data = file.group("VTKHDF/PointData")?;
     let of_frames = ["velocity", "angular_velocity", "id", "radius"];
     let names = point_data.member_names()?.into_iter().filter(|name| !of_frames.contains(&&name[..]));
-    let read = |name: String| {
+    let mut columns = Vec::new();
+    for name in names {
         let array = point_data.dataset(&name)?;
-        let numbers: Vec<f64> = array.read_raw()?;
-        let unit = array.attr("unit")?.read_scalar::<VarLenUnicode>()?.to_string();
-        let width = numbers.len() / count.max(1) as usize;
-        Ok((Column { name, width, unit, changes: Changes::WithLists, in_file: true }, numbers))
-    };
-    names.map(read).collect()
+        let Ok(unit) = array.attr("unit").and_then(|unit| unit.read_scalar::<VarLenUnicode>()) else {
+            continue;
+        };
+        if array.shape().first() == Some(&(count as usize)) {
+            let (unit, width) = (unit.to_string(), array.shape().get(1).copied().unwrap_or(1));
+            let column = Column { name, width, unit, changes: Changes::WithLists, in_file: true };
+            columns.push((column, array.read_raw()?));
+        }
+    }
+    Ok(columns)
 }
 
 /// Cuts the file to its first `frames` frames, so that the run which `info` describes can go on in it.

@@ -278,7 +278,7 @@ fn columns_that_do_not_change_are_written_once_and_only_if_they_belong_in_the_fi
     }
     assert!(!file.link_exists("VTKHDF/PointData/hidden"));
     // A run that begins again from the file has them.
-    let found = super::frame(&file, 0, COUNT).unwrap();
+    let found = super::first_frame(&path, COUNT).unwrap();
     let names: Vec<_> = found.columns.iter().map(|(column, _)| &column.name[..]).collect();
     assert_eq!(names, ["mass", "tag"]);
     assert!(found.columns.iter().all(|(column, numbers)| *numbers == constants(column)));

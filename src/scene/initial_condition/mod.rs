@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::error::Error;
 use crate::math::digits::{short, triple};
-use crate::model::columns::{Column, Columns};
+use crate::model::columns::{Changes, Column, Columns};
 use crate::scene::walls::described_walls;
 use crate::scene::{Grid, Scene, cells_along, shown};
 pub(crate) use file::read_bytes;
@@ -61,6 +61,28 @@ impl InitialCondition {
             }
         }
         (columns, state, constants)
+    }
+
+    /// Checks the further columns; an error says what is wrong and what would be right.
+    pub fn check_columns(&self) -> Result<(), Error> {
+        let taken = ["position", "velocity", "angular_velocity", "id", "radius"];
+        for (k, (column, numbers)) in self.columns.iter().enumerate() {
+            let name = &column.name;
+            let refuse =
+                |why: String| Err(Error::Input(format!("the column {name} of the particles: {why}")));
+            let earlier = &self.columns[..k];
+            if taken.contains(&&name[..]) || earlier.iter().any(|(other, _)| other.name == *name) {
+                return refuse("there is one of this name; another name would do".into());
+            }
+            if column.changes != Changes::WithLists || column.width == 0 {
+                return refuse("it must change with lists only, and have a width of 1 or more".into());
+            }
+            let (found, expected) = (numbers.len(), self.x.len() * column.width);
+            if found != expected {
+                return refuse(format!("it has {found} numbers, and {expected} would be right"));
+            }
+        }
+        Ok(())
     }
 
     /// The numbers of one of the further columns for the particles with the given `ids`, row after row.
@@ -325,5 +347,27 @@ mod tests {
         start.x[3] = [0.5; 3];
         start.omega[2] = [0.0, 0.0, 1.0];
         assert!(message(&start).contains("this scene has no rotation"), "{}", message(&start));
+    }
+
+    #[test]
+    fn columns_that_could_not_be_written_or_found_again_are_refused() {
+        let refusal = |name: &str, width, changes, numbers: usize| {
+            let (name, unit) = (name.to_owned(), "1".to_owned());
+            let column = Column { name, width, unit, changes, in_file: true };
+            let x = vec![[0.0; 3]; 2];
+            let columns = vec![(column, vec![0.5; numbers])];
+            let start = InitialCondition { x, columns, ..InitialCondition::default() };
+            start.check_columns().err().map(|why| why.to_string())
+        };
+        assert_eq!(refusal("tag", 2, Changes::WithLists, 4), None);
+        for (name, width, changes, numbers, why) in [
+            ("velocity", 1, Changes::WithLists, 2, "there is one of this name"),
+            ("tag", 0, Changes::WithLists, 0, "a width of 1 or more"),
+            ("tag", 1, Changes::EveryStage, 2, "must change with lists only"),
+            ("tag", 2, Changes::WithLists, 3, "it has 3 numbers, and 4 would be right"),
+        ] {
+            let found = refusal(name, width, changes, numbers).unwrap();
+            assert!(found.contains(why), "{found}");
+        }
     }
 }
