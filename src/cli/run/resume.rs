@@ -147,8 +147,8 @@ fn plan(path: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Plan
     }
     if sound.is_empty() {
         return Err(format!(
-            "{}; the version that wrote a checkpoint of another format can go on from it; without checkpoints \
-             the run begins again with the scene that is recorded in the file",
+            "{}; the version that wrote a checkpoint of another format can go on from it; without \
+             checkpoints the run begins again with the scene that is recorded in the file",
             complaints.join("; ")
         ));
     }

@@ -174,8 +174,8 @@ impl<'c> Dynamics<'c> {
         let Particles { ids, columns, constants, y } = particles;
         if kernel.width() != columns.width(Changes::EveryStage) {
             return Err(Error::Input(format!(
-                "the contact law needs {} numbers for the state of a particle, and the particles have {}: the \
-                 law must be the one with which the run began",
+                "the contact law needs {} numbers for the state of a particle, and the particles have {}: \
+                 the law must be the one with which the run began",
                 kernel.width(),
                 columns.width(Changes::EveryStage)
             )));
