@@ -1,9 +1,10 @@
 //! The contact kernel: evaluates the contact law for batches of contacts with vector instructions.
 //!
 //! The effects of a scene are types here, and only here: rebound, friction, and whether spheres rotate. One
-//! [`Kernel`] has all of them compiled in; whoever calls it sees rows of numbers. There are six kernels: with
-//! or without loss on rebound, times no friction, friction, or friction with rotation. Each is compiled for
-//! three instruction sets.
+//! [`Kernel`] has all of them compiled in; whoever calls it sees rows of numbers.
+//!
+//! There are six kernels: with or without loss on rebound, times no friction, friction, or friction with
+//! rotation. Each is compiled for three instruction sets.
 //!
 //! Contacts are gathered into columns. One loop evaluates them, which the compiler turns into vector
 //! instructions. The results are added to the particles one after the other.

@@ -44,7 +44,7 @@ pub struct Progress {
     /// Consecutive steps that were forced.
     pub(super) forced_in_a_row: u64,
     /// State of the rest detector.
-    pub(super) rest: rest_detector::Watched,
+    pub(super) rest: rest_detector::RestState,
     /// Largest overlap of any frame, m.
     pub(super) largest_overlap: f64,
 }
@@ -60,7 +60,7 @@ impl Progress {
             last: 0.0,
             dissipated: [0.0; 2],
             forced_in_a_row: 0,
-            rest: rest_detector::Watched::default(),
+            rest: rest_detector::RestState::default(),
             largest_overlap: 0.0,
         }
     }

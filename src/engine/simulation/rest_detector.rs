@@ -15,7 +15,7 @@ const CRITERIA: [&str; 3] = ["stop.kinetic_energy", "stop.unbalanced_force", "st
 
 /// State of the rest detector.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Watched {
+pub struct RestState {
     /// Time of the next check, s.
     next: f64,
     /// Time since which each criterion has held, s.
@@ -24,9 +24,9 @@ pub struct Watched {
     heights: [f64; 2],
 }
 
-impl Default for Watched {
+impl Default for RestState {
     fn default() -> Self {
-        Watched { next: 0.0, since: [None; 3], heights: [f64::INFINITY, f64::NEG_INFINITY] }
+        RestState { next: 0.0, since: [None; 3], heights: [f64::INFINITY, f64::NEG_INFINITY] }
     }
 }
 
@@ -41,7 +41,7 @@ struct Look {
     height: f64,
 }
 
-impl Watched {
+impl RestState {
     /// Takes the measures `look` at time `t` (s) into account. Returns the first criterion that is met.
     fn see(&mut self, stop: &Stop, t: f64, look: &Look) -> Option<&'static str> {
         self.next = t + stop.window / LOOKS;
@@ -113,13 +113,13 @@ mod tests {
 
     /// Time at which `stop` ends a run with the measures `of(t)`, and the criterion.
     fn ends(stop: &Stop, of: impl Fn(f64) -> [f64; 3]) -> Option<(f64, &'static str)> {
-        let mut watched = Watched::default();
+        let mut state = RestState::default();
         (0..1000).map(|k| 0.01 * f64::from(k)).find_map(|t| {
-            if t < watched.next {
+            if t < state.next {
                 return None;
             }
             let [kinetic_energy, unbalanced_force, height] = of(t);
-            let by = watched.see(stop, t, &Look { kinetic_energy, unbalanced_force, height });
+            let by = state.see(stop, t, &Look { kinetic_energy, unbalanced_force, height });
             by.map(|by| (t, by))
         })
     }
