@@ -1,6 +1,6 @@
 # shellcheck shell=bash
-# Source this (". launch/env.sh") before mpirun: what Open MPI wants where ranks run as root, outnumber the cores,
-# or use threads. Each setting may be overridden by setting it first. Other MPIs ignore all of them.
+# Source this (". launch/env.sh") before mpirun: what Open MPI wants where ranks run as root, outnumber the
+# cores, or use threads. Each setting may be overridden by setting it first. Other MPIs ignore all of them.
 
 # As root, for example in a container, Open MPI refuses to start without these two.
 export OMPI_ALLOW_RUN_AS_ROOT="${OMPI_ALLOW_RUN_AS_ROOT:-1}"

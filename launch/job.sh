@@ -15,7 +15,8 @@ run_part() {
     shift 2
     trap 'announced=yes; [ -z "$part" ] || kill -USR1 "$part" 2>/dev/null || true' USR1
     if [ -e "$output" ]; then
-        [ $# -eq 0 ] || echo "demhybrid: $output is there: going on with it, with the arguments that it was begun with" >&2
+        [ $# -eq 0 ] ||
+            echo "demhybrid: $output is there: going on with it, with the arguments it was begun with" >&2
         set -- --resume "$output"
     else
         set -- "$scene" -o "$output" "$@"

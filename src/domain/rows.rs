@@ -41,6 +41,8 @@ pub struct ById<'a> {
     guests: Vec<f64>,
     /// Numbers in a row.
     width: usize,
+    /// Number of rows in `own`.
+    owned: usize,
     /// For each id of the block: the index of its row in `own`, or the number of rows in `own` plus that in
     /// `guests`.
     slots: Vec<u32>,
@@ -79,17 +81,17 @@ impl<'a> ById<'a> {
             slots[(numbers[0] as u64 - block.start) as usize] = (ids.len() + k) as u32;
         }
         let guests = arrived().flat_map(|numbers| &numbers[1..]).copied().collect();
-        ById { own, guests, width, slots }
+        ById { own, guests, width, owned: ids.len(), slots }
     }
 
     /// No rows.
     pub fn none() -> Self {
-        ById { own: &[], guests: Vec::new(), width: 0, slots: Vec::new() }
+        ById { own: &[], guests: Vec::new(), width: 0, owned: 0, slots: Vec::new() }
     }
 
     /// The row of index `i` in the block.
     pub fn row(&self, i: usize) -> &[f64] {
-        let (slot, owned) = (self.slots[i] as usize, self.own.len() / self.width);
+        let (slot, owned) = (self.slots[i] as usize, self.owned);
         let (rows, k) = if slot < owned { (self.own, slot) } else { (&self.guests[..], slot - owned) };
         &rows[k * self.width..(k + 1) * self.width]
     }

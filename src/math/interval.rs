@@ -25,10 +25,11 @@ pub struct Interval {
 /// ```rust
 /// use demhybrid::math::interval::interval;
 ///
-/// let porosity = interval(&[0.41, 0.43, 0.42]).unwrap();
+/// let porosity = interval(&[0.41, 0.43, 0.42]).ok_or("no value is finite")?;
 /// assert!((porosity.mean - 0.42).abs() < 1e-15);
 /// assert!((porosity.half_width - 4.3027 * 0.01 / 3f64.sqrt()).abs() < 1e-6); // Student's t for 3 values
 /// assert_eq!(interval(&[]), None);
+/// # Ok::<(), &str>(())
 /// ```
 pub fn interval(values: &[f64]) -> Option<Interval> {
     let finite: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();

@@ -9,10 +9,11 @@ use demhybrid::engine::kernel::compiled;
 use demhybrid::engine::simulation::{Counts, Frame, Outcome, Physics, Simulation, parameters};
 use demhybrid::error::Error;
 use demhybrid::math::vector::Vec3;
-use demhybrid::model::columns::{position, spin, velocity};
 use demhybrid::model::contact::{Rebound, Tangential};
 use demhybrid::scene::initial_condition::{self, InitialCondition};
 use demhybrid::scene::{Scene, effects};
+use demhybrid::studies::job_pool::run::FrameData;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
 /// The material of Tab. 4.2 without friction. The tolerance is tight: 1e-9 (m/s, m/s^2) of error rate makes
@@ -129,44 +130,22 @@ pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).to_path_buf()
 }
 
-/// All particles at one time; the lists are in the order of ids.
+/// All particles at one time, and the work so far.
 #[derive(Debug, Clone)]
 pub struct Snapshot {
-    /// Time, s.
-    pub time: f64,
-    /// Centres, m.
-    pub x: Vec<Vec3>,
-    /// Velocities, m/s.
-    pub v: Vec<Vec3>,
-    /// Angular velocities, rad/s; zero without rotation.
-    pub omega: Vec<Vec3>,
-    /// Kinetic energy, J.
-    pub kinetic_energy: f64,
-    /// Potential energy of contacts and height, J.
-    pub potential_energy: f64,
-    /// Energy dissipated so far by rebound and by friction, J; zero unless `output.energy` asks for it.
-    pub dissipated: [f64; 2],
-    /// Largest overlap, m.
-    pub largest_overlap: f64,
-    /// Work so far.
+    data: FrameData,
     pub counts: Counts,
 }
 
-impl Snapshot {
-    fn of(frame: &Frame) -> Self {
-        Snapshot {
-            time: frame.time,
-            x: frame.rows.map(position),
-            v: frame.rows.map(velocity),
-            omega: frame.rows.map(spin),
-            kinetic_energy: frame.kinetic_energy,
-            potential_energy: frame.potential_energy,
-            dissipated: frame.dissipated,
-            largest_overlap: frame.largest_overlap,
-            counts: frame.counts,
-        }
-    }
+impl Deref for Snapshot {
+    type Target = FrameData;
 
+    fn deref(&self) -> &FrameData {
+        &self.data
+    }
+}
+
+impl Snapshot {
     /// Kinetic and potential energy, J.
     pub fn energy(&self) -> f64 {
         self.kinetic_energy + self.potential_energy
@@ -242,7 +221,7 @@ fn run_physics<R: Rebound, T: Tangential>(
 fn collect(simulation: Simulation) -> Result<Run, Error> {
     let mut frames = Vec::new();
     let outcome = simulation.run(&mut |frame: &Frame| {
-        frames.push(Snapshot::of(frame));
+        frames.push(Snapshot { data: frame.into(), counts: frame.counts });
         Ok(())
     })?;
     Ok(Run { frames, outcome })

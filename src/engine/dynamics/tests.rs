@@ -5,6 +5,7 @@ use crate::domain::comm::team::team;
 use crate::domain::rows;
 use crate::domain::slabs::imbalance;
 use crate::engine::kernel;
+use crate::model::columns::Column;
 use crate::model::effects::{Effects, Variant};
 use crate::model::wall::Wall;
 use proptest::collection::vec;
@@ -296,5 +297,27 @@ fn slopes_of_a_long_bed_are_the_sums_of_its_contacts_by_any_ranks_and_threads() 
             let shared = by_ranks_and_threads(&bodies, way, ranks, threads);
             assert!(shared == alone, "other bits from {ranks} ranks of {threads} threads");
         }
+    }
+}
+
+#[test]
+fn columns_that_do_not_change_follow_particles_and_their_ghosts() {
+    let bodies = bed(300);
+    let mut columns = Columns::new(true);
+    let (name, unit, changes) = ("tag".to_owned(), "1".to_owned(), Changes::WithLists);
+    columns.push(Column { name, width: 2, unit, changes, in_file: false });
+    let tags = |ids: &[u64]| ids.iter().flat_map(|&id| [id as f64, 0.5 - id as f64]).collect::<Vec<_>>();
+    for ranks in 1..=3 {
+        team(ranks, |comm| {
+            let ids: Vec<u64> = rows::block(300, comm.rank(), ranks).collect();
+            let mut y: Vec<f64> = ids.iter().flat_map(|&id| bodies[id as usize]).collect();
+            let constants = tags(&ids);
+            let particles = Particles { ids, columns: columns.clone(), constants, y: &mut y };
+            let kernel = |set| kernel::kernel(ALL_EFFECTS, LAW, set);
+            let dynamics = Dynamics::new(comm, &kernel, floor(), 1.0, particles, &mut []).unwrap();
+            assert!(ranks == 1 || dynamics.ghosts() > 0);
+            assert_eq!(dynamics.domain.constants, tags(&dynamics.domain.ids));
+            assert_eq!(dynamics.constants(), tags(dynamics.ids()));
+        });
     }
 }

@@ -351,7 +351,9 @@ impl Forces {
             let mut sum = identity;
             let walls = &parameters.walls[..];
             let survey = Survey { r, walls, bodies, width: *width, block: &blocks[0], batch };
-            let take = &mut |terms| sum = take(sum, terms);
+            let take = &mut |[first, second]: [&[f64]; 2]| {
+                sum = first.iter().zip(second).fold(sum, |sum, (&first, &second)| take(sum, [first, second]));
+            };
             match &measure {
                 Measure::Gap(gap) => measure_gaps(*set, survey, gap, take),
                 Measure::Dissipation => kernel.measure_dissipation(survey, take),

@@ -122,6 +122,11 @@ impl Batch {
         [self.n[0][k], self.n[1][k]] = numbers;
     }
 
+    /// The numbers that `put_numbers` left in the first `count` rows, as two columns.
+    pub fn number_columns(&self, count: usize) -> [&[f64]; 2] {
+        [&self.n[0][..count], &self.n[1][..count]]
+    }
+
     /// The numbers that `put_numbers` left in row `k`.
     #[inline(always)]
     pub fn numbers(&self, k: usize) -> [f64; 2] {

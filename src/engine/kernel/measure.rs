@@ -45,17 +45,15 @@ impl GapMeasure {
     }
 }
 
-/// Calls `take` with the numbers of every contact of the survey. The order must not matter to `take`.
-pub fn measure_gaps(
-    set: InstructionSet,
-    survey: Survey,
-    measure: &GapMeasure,
-    take: &mut dyn FnMut([f64; 2]),
-) {
+/// Receives the two numbers of up to 128 contacts, as two columns. Their order must not matter to it.
+pub type Take<'f> = dyn FnMut([&[f64]; 2]) + 'f;
+
+/// Passes the numbers of every contact of the survey to `take`.
+pub fn measure_gaps(set: InstructionSet, survey: Survey, measure: &GapMeasure, take: &mut Take) {
     run(set, Gaps(survey, measure, take));
 }
 
-struct Gaps<'a>(Survey<'a>, &'a GapMeasure, &'a mut dyn FnMut([f64; 2]));
+struct Gaps<'a>(Survey<'a>, &'a GapMeasure, &'a mut Take<'a>);
 
 impl Vectorised for Gaps<'_> {
     type Output = ();
@@ -80,17 +78,13 @@ impl Vectorised for Gaps<'_> {
             for k in 0..Batch::rows(contacts.len()) {
                 batch.put_numbers(k, measure.of::<L>(batch.gap[k]));
             }
-            (0..contacts.len()).for_each(|k| take(batch.numbers(k)));
+            take(batch.number_columns(contacts.len()));
         }
     }
 }
 
 /// Power that every contact dissipates.
-pub(super) struct Power<'a, R, T, const N: usize>(
-    pub &'a Law<R, T>,
-    pub Survey<'a>,
-    pub &'a mut dyn FnMut([f64; 2]),
-);
+pub(super) struct Power<'a, R, T, const N: usize>(pub &'a Law<R, T>, pub Survey<'a>, pub &'a mut Take<'a>);
 
 impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N> {
     type Output = ();
@@ -118,7 +112,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
                 let (gap, n) = (batch.gap[k], batch.normal(k));
                 put_power::<L, R, T, N>(&energies, batch, k, gap, &n);
             }
-            (0..contacts.len()).for_each(|k| take(batch.numbers(k)));
+            take(batch.number_columns(contacts.len()));
         }
     }
 }
@@ -136,11 +130,14 @@ fn put_power<L: Lanes, R: Rebound, T: Tangential, const N: usize>(
     batch.put_numbers(k, numbers);
 }
 
-/// Calls `take` for the pairs whose first particle is an own one. The others are counted in its block.
-fn take_owned(block: &Block, pairs: &[[u32; 2]], batch: &Batch, take: &mut dyn FnMut([f64; 2])) {
+/// Calls `take` with the pairs whose first particle is an own one. The others are counted in its block.
+fn take_owned(block: &Block, pairs: &[[u32; 2]], batch: &mut Batch, take: &mut Take) {
+    let mut owned = 0;
     for (k, [i, _]) in pairs.iter().enumerate() {
         if block.owns(*i) {
-            take(batch.numbers(k));
+            batch.put_numbers(owned, batch.numbers(k));
+            owned += 1;
         }
     }
+    take(batch.number_columns(owned));
 }

@@ -23,7 +23,7 @@ use crate::model::contact::{
 use crate::model::effects::{Effects, Variant};
 use crate::model::wall::Wall;
 pub use batch::Batch;
-pub use measure::{GapMeasure, Survey, measure_gaps};
+pub use measure::{GapMeasure, Survey, Take, measure_gaps};
 
 mod batch;
 mod measure;
@@ -79,9 +79,8 @@ pub trait Kernel: Send + Sync {
     fn add_pairs(&self, pairs: &[[u32; 2]], sweep: Sweep) -> u64;
     /// Turns forces and torques in `slopes` into accelerations, eqs. (2.13)-(2.15).
     fn finish(&self, inertia: &Inertia, slopes: &mut [f64]);
-    /// Calls `take` with the power (W) that every contact of the survey dissipates by rebound and by
-    /// friction. The order must not matter to `take`.
-    fn measure_dissipation(&self, survey: Survey, take: &mut dyn FnMut([f64; 2]));
+    /// Passes the power (W) that every contact of the survey dissipates by rebound and by friction to `take`.
+    fn measure_dissipation<'a>(&self, survey: Survey<'a>, take: &'a mut Take<'a>);
     /// Force and torque of one contact, without vector instructions; arguments as for [`Law::action`].
     fn action(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> Action;
 }
@@ -238,7 +237,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Kernel for Compiled<R, T, N> {
         }
     }
 
-    fn measure_dissipation(&self, survey: Survey, take: &mut dyn FnMut([f64; 2])) {
+    fn measure_dissipation<'a>(&self, survey: Survey<'a>, take: &'a mut Take<'a>) {
         run(self.set, measure::Power::<R, T, N>(&self.law, survey, take));
     }
 

@@ -143,10 +143,12 @@ fn measured(kernel: &dyn Kernel, set: InstructionSet, blocks: usize, what: What)
     let (bodies, lists) = cloud(width, 300, blocks);
     let walls = &parameters().walls[..];
     let (mut sums, mut maxima) = ([0; 2], [0.0; 2]);
-    let mut take = |terms: [f64; 2]| {
-        for k in 0..2 {
-            sums[k] += (terms[k] * 2f64.powi(40)).round() as i128;
-            maxima[k] = f64::max(maxima[k], terms[k]);
+    let mut take = |columns: [&[f64]; 2]| {
+        for (k, terms) in columns.iter().enumerate() {
+            for &term in *terms {
+                sums[k] += (term * 2f64.powi(40)).round() as i128;
+                maxima[k] = f64::max(maxima[k], term);
+            }
         }
     };
     for block in &lists.blocks {

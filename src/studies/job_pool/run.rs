@@ -94,7 +94,7 @@ fn follow(
 ) -> Result<(), Error> {
     let outcome = Simulation::new(scene, start, &Solo)?.run(&mut |frame: &Frame| {
         *counts = frame.counts;
-        look(&frame_data(frame));
+        look(&frame.into());
         if frame.counts.rhs > limit && frame.time < scene.t_end {
             return Err(Error::WorkLimit { t: frame.time, done: frame.counts.rhs, limit });
         }
@@ -104,16 +104,18 @@ fn follow(
     Ok(())
 }
 
-fn frame_data(frame: &Frame) -> FrameData {
-    FrameData {
-        time: frame.time,
-        x: frame.rows.map(position),
-        v: frame.rows.map(velocity),
-        omega: frame.rows.map(spin),
-        kinetic_energy: frame.kinetic_energy,
-        potential_energy: frame.potential_energy,
-        dissipated: frame.dissipated,
-        largest_overlap: frame.largest_overlap,
-        bed_height: frame.bed_height,
+impl From<&Frame<'_>> for FrameData {
+    fn from(frame: &Frame) -> Self {
+        FrameData {
+            time: frame.time,
+            x: frame.rows.map(position),
+            v: frame.rows.map(velocity),
+            omega: frame.rows.map(spin),
+            kinetic_energy: frame.kinetic_energy,
+            potential_energy: frame.potential_energy,
+            dissipated: frame.dissipated,
+            largest_overlap: frame.largest_overlap,
+            bed_height: frame.bed_height,
+        }
     }
 }
