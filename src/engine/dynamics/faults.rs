@@ -1,6 +1,7 @@
 //! Finds the cause where a right-hand side is not finite or a step is not accurate.
 
-use super::{Dynamics, gather};
+use super::Dynamics;
+use super::decomposition::gather;
 use crate::engine::forces::Broken;
 use crate::error::Error;
 use crate::math::larger;

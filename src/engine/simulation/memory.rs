@@ -133,7 +133,7 @@ impl<'c> Simulation<'c> {
         if scene.output.energy {
             dynamics.audit();
         }
-        let mut simulation = Simulation::at_rest(scene, comm, dynamics, scale);
+        let mut simulation = Simulation::empty(scene, comm, dynamics, scale);
         (simulation.control.before, simulation.control.rejected) = memory.control;
         (simulation.progress, simulation.schedule.saved) = (memory.progress, memory.t);
         simulation.integrator.recall(&memory.integrator);

@@ -126,7 +126,7 @@ impl<'c> Simulation<'c> {
         let mut step_start = StepStart::new(0.0, y);
         dynamics.begin();
         let rhs = step_start.find_slope(&mut dynamics);
-        let mut simulation = Simulation::at_rest(scene, comm, dynamics, scale);
+        let mut simulation = Simulation::empty(scene, comm, dynamics, scale);
         (simulation.step_start, simulation.progress.counts.rhs) = (step_start, rhs);
         // An initial condition that cannot be continued is reported before any output is created.
         if simulation.start_is_broken() {
@@ -140,7 +140,7 @@ impl<'c> Simulation<'c> {
     }
 
     /// A run without particles, before its first step.
-    fn at_rest(scene: &Scene, comm: &'c dyn Comm, dynamics: Dynamics<'c>, scale: f64) -> Self {
+    fn empty(scene: &Scene, comm: &'c dyn Comm, dynamics: Dynamics<'c>, scale: f64) -> Self {
         let (norm, control) = error_control(scene, scale, dynamics.columns());
         let h = control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step));
         Simulation {

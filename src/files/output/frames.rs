@@ -4,16 +4,18 @@ use std::fs;
 use std::mem;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
-use hdf5::plist::dataset_create::{AllocTime, FillTime};
-use hdf5::types::{FixedAscii, H5Type, TypeDescriptor, VarLenUnicode};
-use hdf5::{Dataset, Extent, File, FileBuilder, Group, Location, Result};
+use hdf5::types::FixedAscii;
+use hdf5::{Dataset, File, FileBuilder, Group, Result};
 
+use super::arrays::{Ground, fixed, fixed_rows, grow, set, set_new, set_new_text};
 use super::collective::{Row, Transfer, column_shape};
+use super::run_group::{
+    COUNT_COLUMNS, ENERGY_COLUMNS, REAL_ATTRIBUTES, REAL_COLUMNS, count_attributes, limit_attribute,
+    run_group,
+};
 use super::{Contents, Measures, Numbers, Rows, RunInfo, mpio};
 use crate::domain::comm::Comm;
-use crate::files::names::Series;
 use crate::model::columns::{Changes, Column as ParticleColumn, Columns};
 use crate::ode::Limit;
 
@@ -21,62 +23,11 @@ use crate::ode::Limit;
 const POSITION: &str = "position";
 /// Rows in a chunk of the small arrays, which have one row per frame.
 const FRAMES_PER_CHUNK: u64 = 1024;
-/// Longest scene that is written as an attribute, bytes. A longer one becomes a dataset.
-const LONGEST_ATTRIBUTE: usize = 60 << 10;
+
 /// Upper bound of what HDF5 needs to index one more chunk, bytes: a few nodes of a tree.
 const INDEX_BYTES: u64 = 16 << 10;
 /// Length of one row of a vector quantity, bytes.
 const VECTOR_BYTES: u64 = 24;
-
-/// A number of a frame: its name, and the measure that it is.
-type Named<K, N> = (K, fn(&Measures) -> N);
-/// The columns of `/run/series` with real numbers.
-const REAL_COLUMNS: [Named<Series, f64>; 7] = [
-    (Series::Time, |m| m.time),
-    (Series::Step, |m| m.step),
-    (Series::KineticEnergy, |m| m.kinetic_energy),
-    (Series::PotentialEnergy, |m| m.potential_energy),
-    (Series::LargestOverlap, |m| m.largest_overlap),
-    (Series::BedHeight, |m| m.bed_height),
-    (Series::WallSeconds, |m| m.wall_seconds),
-];
-
-/// The columns of `/run/series` that exist only if the dissipated energy is written.
-const ENERGY_COLUMNS: [Named<Series, f64>; 2] =
-    [(Series::DissipatedRebound, |m| m.dissipated[0]), (Series::DissipatedFriction, |m| m.dissipated[1])];
-
-/// The real numbers of the last frame that are attributes of `/run`.
-const REAL_ATTRIBUTES: [Named<&str, f64>; 6] = [
-    (Series::WallSeconds.name(), |m| m.wall_seconds),
-    ("seconds_forces", |m| m.seconds.forces),
-    ("seconds_ghosts", |m| m.seconds.ghosts),
-    ("seconds_lists", |m| m.seconds.lists),
-    ("seconds_reduction", |m| m.seconds.reduction),
-    ("seconds_output", |m| m.seconds.output),
-];
-
-/// The columns of `/run/series` with counts.
-const COUNT_COLUMNS: [Named<Series, u64>; 6] = [
-    (Series::StepsAccepted, |m| m.steps_accepted),
-    (Series::StepsRejected, |m| m.steps_rejected),
-    (Series::StepsOutrun, |m| m.steps_outrun),
-    (Series::RhsEvaluations, |m| m.rhs_evaluations),
-    (Series::PairEvaluations, |m| m.pair_evaluations),
-    (Series::ListsBuilt, |m| m.lists_built),
-];
-
-/// The counts of the last frame that are attributes of `/run`: all columns of counts, and one more.
-///
-/// [`limit_attribute`] names further ones.
-fn count_attributes() -> impl Iterator<Item = Named<&'static str, u64>> {
-    let forced: Named<&str, u64> = ("forced_accepts", |m| m.forced_accepts);
-    COUNT_COLUMNS.into_iter().map(|(series, measure)| (series.name(), measure)).chain([forced])
-}
-
-/// Name of the attribute of `/run` that counts the accepted steps whose size `limit` decided.
-fn limit_attribute(limit: Limit) -> String {
-    format!("limited_by_{}", limit.name())
-}
 
 /// An array that VTKHDF needs to find the data of a frame. Row k, for frame k, is `first + k * stride`.
 struct Schedule {
@@ -442,127 +393,6 @@ fn small_arrays() -> u64 {
     64 * (FRAMES_PER_CHUNK * 32 + INDEX_BYTES)
 }
 
-/// What the file holds when `Frames` opens its groups and arrays.
-enum Ground<'a> {
-    /// Nothing: all groups and arrays are created, for this run.
-    New(&'a RunInfo),
-    /// All groups and arrays, created by an earlier process.
-    Found {
-        /// Whether the file has columns for dissipated energy.
-        energy: bool,
-        /// Number of complete frames.
-        complete: u64,
-    },
-}
-
-impl Ground<'_> {
-    fn energy(&self) -> bool {
-        match self {
-            Ground::New(info) => info.energy,
-            Ground::Found { energy, .. } => *energy,
-        }
-    }
-
-    fn group(&self, location: &Group, name: &str) -> Result<Group> {
-        match self {
-            Ground::New(_) => location.create_group(name),
-            Ground::Found { .. } => location.group(name),
-        }
-    }
-
-    /// An array that grows by rows; a chunk has `rows_per_chunk` of them.
-    fn array<R: Row>(&self, group: &Group, name: &str, rows_per_chunk: u64) -> Result<Dataset> {
-        match self {
-            Ground::New(_) => growing::<R::Number>(group, name, R::SHAPE, rows_per_chunk),
-            Ground::Found { .. } => group.dataset(name),
-        }
-    }
-
-    /// An array that grows by rows of `width` numbers.
-    fn column(&self, group: &Group, name: &str, width: usize, rows_per_chunk: u64) -> Result<Dataset> {
-        match self {
-            Ground::New(_) => growing::<f64>(group, name, column_shape(&width), rows_per_chunk),
-            Ground::Found { .. } => group.dataset(name),
-        }
-    }
-}
-
-/// Makes an array `rows` long. An array of an earlier process may be longer already, and then stays so.
-///
-/// `shape` is that of a row.
-fn grow(array: &Dataset, rows: u64, shape: &[usize]) -> Result<()> {
-    let rows = rows as usize;
-    if array.shape().first().is_some_and(|&there| there >= rows) {
-        return Ok(());
-    }
-    array.resize([&[rows], shape].concat())
-}
-
-/// Creates `/run` with all its attributes. Collective.
-fn run_group(file: &File, transfer: &Transfer, info: &RunInfo, writes_small: bool) -> Result<Group> {
-    let run = file.create_group("run")?;
-    set_new_text(&run, "version", &info.version)?;
-    set_new_text(&run, "commit", &info.commit)?;
-    put_scene(&run, transfer, &info.scene, writes_small)?;
-    set_new_text(&run, "method", info.method.name())?;
-    set_new(&run, "tolerance", info.tolerance)?;
-    if let Some(step) = info.step {
-        set_new(&run, "step", step)?;
-    }
-    set_new_text(&run, "norm", info.norm.name())?;
-    set_new(&run, "velocity_scale", info.velocity_scale)?;
-    set_new(&run, "contact_reach", info.contact_cutoff)?;
-    set_new(&run, "mass", info.mass)?;
-    set_new(&run, "ranks", info.ranks as i64)?;
-    set_new(&run, "threads", info.threads as i64)?;
-    set_new_text(&run, "instruction_set", &info.instruction_set)?;
-    for (name, _) in count_attributes() {
-        set_new(&run, name, 0_i64)?;
-    }
-    for limit in Limit::ALL {
-        set_new(&run, &limit_attribute(limit), 0_i64)?;
-    }
-    for (name, _) in REAL_ATTRIBUTES {
-        set_new(&run, name, 0.0)?;
-    }
-    set_new(&run, "completed", 0_i64)?;
-    Ok(run)
-}
-
-/// Writes the text of the scene, as an attribute or, if it is too long for one, as a dataset.
-pub(super) fn put_scene(run: &Group, transfer: &Transfer, scene: &str, writes: bool) -> Result<()> {
-    if scene.len() <= LONGEST_ATTRIBUTE {
-        return set_new_text(run, "scene", scene);
-    }
-    let kind = TypeDescriptor::FixedUnicode(scene.len());
-    let text = run.new_dataset_builder().obj_track_times(false).empty_as(&kind).create("scene_text")?;
-    if writes { transfer.write_text(&text, scene) } else { Ok(()) }
-}
-
-/// Creates an empty array that grows by rows of this `shape`.
-fn growing<N: H5Type>(group: &Group, name: &str, shape: &[usize], rows_per_chunk: u64) -> Result<Dataset> {
-    let extents: Vec<Extent> =
-        [vec![Extent::resizable(0)], shape.iter().map(|&n| Extent::fixed(n)).collect()].concat();
-    let chunk = [&[rows_per_chunk as usize], shape].concat();
-    let builder = group.new_dataset::<N>().obj_track_times(false).fill_time(FillTime::Never);
-    // Parallel HDF5 allocates early. A serial file must do the same, or its new chunks have no address when
-    // several ranks go on with it.
-    let builder = builder.alloc_time(Some(AllocTime::Early));
-    // Nothing is read back. Without a cache, HDF5 writes chunks directly from the memory of the caller.
-    builder.shape(extents).chunk(chunk).chunk_cache(1, 0, 1.0).create(name)
-}
-
-/// Creates an array with a fixed number of rows.
-fn fixed<R: Row>(group: &Group, name: &str, rows: u64) -> Result<Dataset> {
-    fixed_rows::<R::Number>(group, name, rows, R::SHAPE)
-}
-
-/// Creates an array with a fixed number of rows of this `shape`.
-fn fixed_rows<N: H5Type>(group: &Group, name: &str, rows: u64, shape: &[usize]) -> Result<Dataset> {
-    let builder = group.new_dataset::<N>().obj_track_times(false).fill_time(FillTime::Never);
-    builder.no_chunk().shape([&[rows as usize], shape].concat()).create(name)
-}
-
 /// The columns of the particles that are in the file.
 fn in_file(columns: &Columns) -> impl Iterator<Item = &ParticleColumn> {
     columns.iter().filter(|column| column.in_file)
@@ -584,17 +414,4 @@ fn rows_per_chunk(count: u64) -> u64 {
         _ if count <= few => few / count * count,
         _ => count.div_ceil(count.div_ceil(most)),
     }
-}
-
-fn set_new<T: H5Type>(location: &Location, name: &str, value: T) -> Result<()> {
-    location.new_attr::<T>().create(name)?.write_scalar(&value)
-}
-
-fn set_new_text(location: &Location, name: &str, text: &str) -> Result<()> {
-    let value = VarLenUnicode::from_str(text).map_err(|why| format!("attribute {name}: {why}"))?;
-    set_new(location, name, value)
-}
-
-fn set<T: H5Type>(location: &Location, name: &str, value: T) -> Result<()> {
-    location.attr(name)?.write_scalar(&value)
 }

@@ -8,12 +8,14 @@
 //!
 //! docs/file-format.md lists all groups and arrays.
 
+mod arrays;
 mod collective;
 mod frames;
 #[cfg_attr(not(feature = "mpi"), path = "serial.rs")]
 mod mpio;
 mod path;
 mod reopen;
+mod run_group;
 #[cfg(test)]
 mod tests;
 

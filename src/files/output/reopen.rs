@@ -11,7 +11,8 @@ use hdf5::{Attribute, Dataset, File, Group};
 
 use super::RunInfo;
 use super::collective::{Transfer, begin_behind_the_end};
-use super::frames::{largest_growth, options, put_scene};
+use super::frames::{largest_growth, options};
+use super::run_group::put_scene;
 use crate::domain::Solo;
 use crate::model::columns::{Changes, Column};
 use crate::scene::initial_condition::InitialCondition;

@@ -1,0 +1,224 @@
+//! The right-hand side at a stage, and what the methods of `ode` ask of this problem.
+
+use super::decomposition::Decomposition;
+use super::{Dynamics, Extremes, Fault, FaultSearch};
+use crate::domain::{exact, migration};
+use crate::engine::forces::{BodyParameters, CHUNK, StageMaker};
+use crate::error::StopRequest;
+use crate::math::larger;
+use crate::math::vector::Vec3;
+use crate::model::columns::{SPIN, VELOCITY, position, spin, velocity};
+use crate::model::contact::LawParameters;
+use crate::ode::{
+    Dissipation, FinishRows, Ivp, Layout, MakeStage, Part, Rows, Stage, TrialOutcome, VECTORS,
+    largest_magnitude, no_vectors,
+};
+use crate::threads;
+use fail::fail_point;
+use std::time::{Duration, Instant};
+
+impl Dynamics<'_> {
+    /// Moves owned bodies and ghosts to the state `y`. Collective.
+    pub(super) fn put_bodies(&mut self, y: &[f64]) {
+        self.domain.halo.refresh(self.domain.comm, y, self.forces.ghosts());
+        self.forces.put(y);
+    }
+
+    /// The right-hand side at the stage that `make` computes for a step from `y`, as in `Ivp::rhs_of`.
+    /// Collective.
+    fn evaluate(
+        &mut self,
+        t: f64,
+        y: &[f64],
+        [stage, stages]: [usize; 2],
+        mut vectors: [&mut [f64]; VECTORS],
+        dydt: &mut [f64],
+        make: &MakeStage,
+    ) {
+        fail_point!("rhs");
+        let begun = Instant::now();
+        let free = self.free_path().powi(2);
+        let (forces, width) = (&mut self.forces, self.layout.0[0].width);
+        let Decomposition { comm, halo, .. } = &mut self.domain;
+        let maker = StageMaker { make, stage, origin: &self.motion.origin, free, start: y };
+        let mut waited = Duration::ZERO;
+        debug_assert!(!self.is_open || stage > 0, "stages of a turn come one after the other");
+        if !std::mem::take(&mut self.is_open) {
+            forces.begin_stage(maker, again(&mut vectors, width), dydt);
+        }
+        if !halo.is_idle() {
+            let clock = Instant::now();
+            let mut inside = Duration::ZERO;
+            halo.pack(|k, _| forces.export(k));
+            halo.exchange_during(*comm, &mut || {
+                fail_point!("underway");
+                let clock = Instant::now();
+                forces.advance_interior(maker, again(&mut vectors, width), dydt);
+                inside = clock.elapsed();
+            });
+            halo.deliver(forces.ghosts());
+            waited = clock.elapsed().saturating_sub(inside);
+        }
+        // Audits and the search for faults read all bodies after this stage: none may be at the next stage
+        // then.
+        self.is_open =
+            stage + 1 < stages && !self.audit.is_on && matches!(self.fault_search, FaultSearch::Off);
+        let (pairs, moved) = forces.finish_stage(maker, self.is_open, again(&mut vectors, width), dydt);
+        self.tally.own_pairs += pairs;
+        let before = self.motion.moved;
+        self.motion.moved = [larger(before[0], moved[0]), larger(before[1], moved[1])];
+        if self.audit.is_on {
+            self.audit.power = self.dissipated_power();
+        }
+        self.clocks.ghosts += waited;
+        self.clocks.forces += begun.elapsed().saturating_sub(waited);
+        self.look_out(t, dydt);
+    }
+
+    /// Keeps the first right-hand side that is not finite, if a search is on. Collective.
+    fn look_out(&mut self, t: f64, dydt: &[f64]) {
+        if let FaultSearch::Searching = self.fault_search {
+            let mut steepest = [largest_magnitude(dydt)];
+            self.domain.comm.max(&mut steepest);
+            if steepest[0] == f64::INFINITY {
+                let (state, slope) = (self.forces.state(), dydt.to_vec());
+                self.fault_search = FaultSearch::Found(Fault { t, state, slope });
+            }
+        }
+    }
+}
+
+/// Lends the vectors as rows, so that they can be passed on more than once.
+fn again<'v>(vectors: &'v mut [&mut [f64]; VECTORS], width: usize) -> [Rows<'v>; VECTORS] {
+    vectors.each_mut().map(|vector| Rows::new(vector, width))
+}
+
+impl Ivp for Dynamics<'_> {
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    fn begin(&mut self) {
+        debug_assert!(!self.is_open, "a turn ends with its last stage");
+        self.motion.moved = [0.0; 2];
+        self.forces.begin_step();
+    }
+
+    fn rhs(&mut self, t: f64, y: &[f64], dydt: &mut [f64]) {
+        let make = |_: usize, stage: Stage| stage.state.copy_from_slice(&y[stage.part.range()]);
+        // `y` may be any state: distances measured from the start of the step do not apply.
+        self.forces.begin_step();
+        self.evaluate(t, y, [0, 1], no_vectors(), dydt, &make);
+    }
+
+    fn rhs_of(
+        &mut self,
+        t: f64,
+        y: &[f64],
+        turn: [usize; 2],
+        vectors: [&mut [f64]; VECTORS],
+        dydt: &mut [f64],
+        make: &MakeStage,
+    ) {
+        self.evaluate(t, y, turn, vectors, dydt, make);
+    }
+
+    fn dissipation(&self) -> Dissipation {
+        self.audit.power
+    }
+
+    /// Length of `v`, a vector of the state space, over all ranks.
+    ///
+    /// Its square is twice the kinetic energy of the velocities, plus `kappa f_0 x^2` for the positions: a
+    /// spring with the stiffness of a contact at rest. Friction is symmetric in this norm.
+    fn length(&mut self, v: &[f64]) -> f64 {
+        let clock = Instant::now();
+        let BodyParameters { mass, inverse_inertia, .. } = self.forces.parameters;
+        let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
+        let LawParameters { kappa, f_0, .. } = self.law();
+        let (stiffness, width) = (kappa * f_0, self.layout.0[0].width);
+        let square = |i: usize| {
+            let row = &v[i * width..(i + 1) * width];
+            mass * velocity(row).norm_squared()
+                + inertia * spin(row).norm_squared()
+                + stiffness * position(row).norm_squared()
+        };
+        let length = exact::exact_sum(self.domain.comm, v.len() / width, square).sqrt();
+        self.clocks.reduction += clock.elapsed();
+        length
+    }
+
+    fn add_direction(&mut self, round: u64, share: f64, v: &mut [f64]) {
+        let size = 1.0 / (self.forces.parameters.mass * self.count() as f64).sqrt();
+        let (r, ids, width) = (self.law().r, self.domain.own_ids(), self.layout.0[0].width);
+        let add = |first: usize, rows: Rows| {
+            for (row, &id) in rows.numbers.chunks_exact_mut(width).zip(&ids[first..]) {
+                let mut bits = migration::scramble(id ^ migration::scramble(round));
+                let mut vector = |size: f64| {
+                    Vec3::from_fn(|_, _| {
+                        bits = migration::scramble(bits);
+                        // 53 bits as a fraction in -1..1.
+                        size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0)
+                    })
+                };
+                let (v, spin) = (vector(size), vector(size / r));
+                let mut add = |columns: std::ops::Range<usize>, vector: Vec3| {
+                    for (number, component) in row[columns].iter_mut().zip(&vector) {
+                        *number += component * share;
+                    }
+                };
+                add(VELOCITY, v);
+                if width == SPIN.end {
+                    add(SPIN, spin);
+                }
+            }
+        };
+        threads::parts(ids.len(), threads::GRAIN, Rows::new(v, width), &add, &|(), ()| ());
+    }
+
+    /// The length of the state of one particle at `velocity_scale`, times the square root of the machine
+    /// epsilon (1.5e-8): half of the digits.
+    fn small_length(&self) -> f64 {
+        f64::EPSILON.sqrt() * self.forces.parameters.mass.sqrt() * self.velocity_scale
+    }
+
+    fn agree(&mut self, y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
+        let clock = Instant::now();
+        let whole = self.layout.whole(0);
+        let (origin, width) = (&self.motion.origin[..], whole.width);
+        let largest = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|k| larger(a[k], b[k]));
+        let measure = |mut first: usize, rows: Rows| {
+            let mut most = [0.0; 4];
+            for chunk in rows.numbers.chunks_mut(CHUNK * width) {
+                let part: Part = whole.rows(first..first + chunk.len() / width);
+                most[0] = larger(most[0], finish(part, chunk));
+                let from = origin[first..].iter().zip(y[part.range()].chunks_exact(width));
+                for (row, (origin, start)) in chunk.chunks_exact(width).zip(from) {
+                    let x = position(row);
+                    let ways = [x - origin, x - position(start), velocity(row)];
+                    let [drift, way, speed] = ways.map(|way| way.norm_squared());
+                    most = largest(most, [0.0, drift, way, speed]);
+                }
+                first += part.len / width;
+            }
+            most
+        };
+        let rows = Rows::new(next, width);
+        let [error, drift, way, speed] =
+            threads::parts(origin.len(), threads::GRAIN, rows, &measure, &largest);
+        let moved = [larger(self.motion.moved[0], drift), larger(self.motion.moved[1], way)];
+        let interrupts = self.requests.interrupts;
+        let request = interrupts.map_or(StopRequest::Nothing, |interrupts| interrupts()).weight();
+        let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), request];
+        self.domain.comm.max(&mut shared);
+        let [error, from_origin, from_start, speed, drift, request] = shared;
+        self.requests.agreed = StopRequest::of_weight(request);
+        self.motion.candidate = Extremes { speed, drift };
+        self.clocks.reduction += clock.elapsed();
+        TrialOutcome {
+            error,
+            covered: from_origin <= self.free_path().powi(2),
+            within_travel: from_start <= self.travel().powi(2),
+        }
+    }
+}
