@@ -3,7 +3,7 @@
 #   launch/compare-versions.sh REVISION [PART]...      all parts if none is named
 #   bits    both run the same scenes on ranks x threads; code 1 if a checksum of positions, velocities, spins,
 #           counts or energies differs
-#   time    both run by turns; median ratios of user time, new over old
+#   time    both run by turns; median ratios of user time, new over old, and right-hand sides if they differ
 #   build   CPU time after a change of one line in the contact law
 # Both versions are built first, the earlier one in target/before. The scenes are those of this version.
 #   TURNS=5               runs of each version in part time
@@ -75,7 +75,7 @@ bits() {
 
 # Prints the median ratio of user times, new over old: race NAME RANKS THREADS SCENE OPTIONS...
 race() {
-    local name="$1" ranks="$2" threads="$3" ratios=() users=() order program
+    local name="$1" ranks="$2" threads="$3" ratios=() users=() counts=() order program which
     shift 3
     for ((turn = 0; turn < ${TURNS:-5}; turn++)); do
         order=("$old" "$now")
@@ -83,12 +83,16 @@ race() {
         for program in "${order[@]}"; do
             timed "$work/log" on_ranks "$ranks" "$threads" "$program" "$@" -q --force --threads "$threads" \
                 -o "$work/run.vtkhdf"
-            if [ "$program" = "$old" ]; then users[0]="$user"; else users[1]="$user"; fi
+            if [ "$program" = "$old" ]; then which=0; else which=1; fi
+            users[which]="$user"
+            counts[which]="$(awk '$1 == "right-hand" { print $3 }' "$work/log")"
         done
         ratios+=("$(awk -v old="${users[0]}" -v new="${users[1]}" 'BEGIN { printf "%.3f", new / old }')")
     done
-    printf '%-28s %s ranks x %s threads  last %6.2f and %6.2f s  ratio %s  (%s)\n' "$name" "$ranks" "$threads" \
+    printf '%-20s %s ranks x %s threads  last %6.2f and %6.2f s  ratio %s  (%s)' "$name" "$ranks" "$threads" \
         "${users[0]}" "${users[1]}" "$(median "${ratios[@]}")" "${ratios[*]}"
+    [ "${counts[0]}" = "${counts[1]}" ] || printf '; right-hand sides %s and %s' "${counts[@]}"
+    echo
 }
 
 race_all() {

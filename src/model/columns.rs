@@ -1,7 +1,10 @@
 //! What a particle carries: a table of columns.
 //!
 //! The columns that change at every stage of a step make up its state: position, velocity and, if the scene
-//! has rotation, angular velocity. All columns of one particle are adjacent in memory: they are a row.
+//! has rotation, spin. All columns of one particle are adjacent in memory: they are a row.
+//!
+//! The spin is s = r w, the radius times the angular velocity: how fast the surface moves by rotation. The
+//! frames of a run, and its file, have the angular velocity w itself in that place.
 //!
 //! Further columns stay the same during a step. They travel between ranks only when neighbour lists are
 //! built.
@@ -14,7 +17,7 @@ use std::ops::Range;
 pub const POSITION: Range<usize> = 0..3;
 /// Columns of the velocity in the state, m/s.
 pub const VELOCITY: Range<usize> = 3..6;
-/// Columns of the angular velocity in the state, rad/s; only with rotation.
+/// Columns of the spin s = r w in the state, m/s; only with rotation. In a frame: angular velocity, rad/s.
 pub const SPIN: Range<usize> = 6..9;
 
 /// The position in a row of the state, m.
@@ -29,7 +32,8 @@ pub fn velocity(row: &[f64]) -> Vec3 {
     vector(&row[VELOCITY])
 }
 
-/// The angular velocity in a row of the state, rad/s; zero without rotation.
+/// The spin s = r w in a row of the state, m/s; zero without rotation. In a row of a frame it is the angular
+/// velocity, rad/s.
 ///
 /// # Examples
 ///
@@ -45,6 +49,22 @@ pub fn velocity(row: &[f64]) -> Vec3 {
 #[inline(always)]
 pub fn spin(row: &[f64]) -> Vec3 {
     row.get(SPIN).map_or_else(Vec3::zeros, vector)
+}
+
+/// Replaces the angular velocities w in rows of `width` numbers by spins r w. Without rotation there are none.
+pub fn put_spins(rows: &mut [f64], width: usize, r: f64) {
+    each_spin(rows, width, |w| r * w);
+}
+
+/// Replaces the spins s in rows of `width` numbers by angular velocities s/r. Without rotation there are none.
+pub fn put_angular_velocities(rows: &mut [f64], width: usize, r: f64) {
+    each_spin(rows, width, |s| s / r);
+}
+
+fn each_spin(rows: &mut [f64], width: usize, of: impl Fn(f64) -> f64) {
+    for spin in rows.chunks_exact_mut(width.max(1)).filter_map(|row| row.get_mut(SPIN)) {
+        spin.iter_mut().for_each(|component| *component = of(*component));
+    }
 }
 
 /// When the numbers of a column change.
@@ -94,7 +114,8 @@ pub struct Column {
 pub struct Columns(Vec<Column>);
 
 impl Columns {
-    /// Position and velocity and, with `rotation`, angular velocity.
+    /// Position and velocity and, with `rotation`, angular velocity: what the file has. The state has the spin
+    /// in place of the angular velocity.
     pub fn new(rotation: bool) -> Self {
         let state = |name: &str, unit: &str| Column {
             name: name.to_owned(),
@@ -126,7 +147,7 @@ impl Columns {
         self.0.iter().filter(|column| column.changes == changes).map(|column| column.width).sum()
     }
 
-    /// Whether the state has an angular velocity.
+    /// Whether particles rotate.
     pub fn rotation(&self) -> bool {
         self.width(Changes::EveryStage) == SPIN.end
     }
@@ -155,6 +176,22 @@ mod tests {
             assert_eq!(columns.rotation(), rotation);
         }
         assert_eq!(spin(&[0.0; 6]), Vec3::zeros());
+    }
+
+    #[test]
+    fn spins_are_the_radius_times_angular_velocities_and_nothing_else_changes() {
+        let angular: Vec<f64> = (0..18).map(f64::from).collect();
+        let mut rows = angular.clone();
+        put_spins(&mut rows, 9, 0.5);
+        for (k, (spin, angular)) in rows.iter().zip(&angular).enumerate() {
+            let factor = if SPIN.contains(&(k % 9)) { 0.5 } else { 1.0 };
+            assert_eq!(*spin, factor * angular);
+        }
+        put_angular_velocities(&mut rows, 9, 0.5);
+        assert_eq!(rows, angular);
+        let mut still = angular[..12].to_vec();
+        put_spins(&mut still, 6, 0.5);
+        assert_eq!(still, angular[..12]);
     }
 
     #[test]

@@ -13,21 +13,21 @@ use crate::math::vector::{Vec3, add_cross, add_scaled, cross, dot, scaled};
 
 /// Force and torque of a contact on particle i.
 ///
-/// The force on the partner j is the opposite. The torque on it is the *same*, since both n and F_fr change
-/// sign in eq. (2.11).
+/// The force on the partner j is the opposite. The torque over the radius is the *same*, since both n and F_fr
+/// change sign in eq. (2.11).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Action {
     /// Repulsion and friction, N.
     pub force: Vec3,
-    /// Torque of friction, N m; zero without rotation.
-    pub torque: Vec3,
+    /// Torque of friction over the radius, N; zero without rotation.
+    pub turning: Vec3,
 }
 
 impl Action {
     /// No force and no torque.
     #[inline(always)]
     pub fn none() -> Self {
-        Action { force: Vec3::zeros(), torque: Vec3::zeros() }
+        Action { force: Vec3::zeros(), turning: Vec3::zeros() }
     }
 }
 
@@ -282,7 +282,7 @@ impl LawParameters {
 /// let on_sphere = law.action::<Separate>(0.0, &Vec3::z(), &Vec3::x(), &Vec3::zeros());
 /// assert!((on_sphere.force.x + 2.0).abs() < 1e-12); // friction, N
 /// assert!((on_sphere.force.z - 5.8).abs() < 1e-12); // repulsion at rest, N
-/// assert!((on_sphere.torque.y - 0.2).abs() < 1e-12); // N m: it begins to roll
+/// assert!((on_sphere.turning.y - 2.0).abs() < 1e-12); // N, times r: it begins to roll
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Law<R, T> {
@@ -311,20 +311,19 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
     /// Force and torque of one contact on particle i, eqs. (2.3), (2.5), (2.6), (2.9), (2.11), (2.12).
     ///
     /// `gap` (m) must not exceed `l_max`. `v_rel` (m/s) is the velocity of i relative to its partner's
-    /// centre. `spins` (rad/s) is w_i + w_j, with w_j = 0 for a wall.
+    /// centre. `spins` (m/s) is s_i + s_j with s = r w, and s_j = 0 for a wall.
     #[inline(always)]
     pub fn action<A: Arithmetic>(&self, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> Action {
         let opening = dot::<A>(n, v_rel);
         let repulsion = self.repulsion::<A>(gap);
         let normal = repulsion * self.rebound.share::<A>(-opening);
         if !T::RUBS {
-            return Action { force: scaled(normal, n), torque: Vec3::zeros() };
+            return Action { force: scaled(normal, n), turning: Vec3::zeros() };
         }
         let friction = self.tangential.friction::<A>(repulsion, &self.slip::<A>(opening, n, v_rel, spins));
-        // -r n x F, eqs. (2.11) and (2.12).
-        let torque =
-            if T::TURNS { cross::<A>(&friction, &scaled(self.parameters.r, n)) } else { Vec3::zeros() };
-        Action { force: add_scaled::<A>(normal, n, &friction), torque }
+        // -n x F; times r, this is the torque of eqs. (2.11) and (2.12).
+        let turning = if T::TURNS { cross::<A>(&friction, n) } else { Vec3::zeros() };
+        Action { force: add_scaled::<A>(normal, n, &friction), turning }
     }
 
     /// Slip: velocity of the surface of i at the contact relative to its partner's surface, m/s, eqs. (2.7)
@@ -334,8 +333,8 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
     #[inline(always)]
     fn slip<A: Arithmetic>(&self, opening: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> Vec3 {
         let along = add_scaled::<A>(-opening, n, v_rel);
-        // Less r w x n, the velocity of the surface by rotation.
-        if T::TURNS { add_cross::<A>(n, &scaled(self.parameters.r, spins), &along) } else { along }
+        // Less s x n, the velocity of the surface by rotation.
+        if T::TURNS { add_cross::<A>(n, spins, &along) } else { along }
     }
 }
 
@@ -481,9 +480,10 @@ mod tests {
         // Two spheres roll on each other like gears: their surfaces have the same velocity.
         let n = Vec3::x();
         let w = Vec3::new(0.0, 0.0, 4.0);
-        let v_rel = w.cross(&n) * R;
-        let action = law(Turning(Coulomb::new(0.2, 0.01))).action::<Separate>(-0.001, &n, &v_rel, &w);
-        assert_eq!(action.torque, Vec3::zeros());
+        let spins = w * R;
+        let v_rel = spins.cross(&n);
+        let action = law(Turning(Coulomb::new(0.2, 0.01))).action::<Separate>(-0.001, &n, &v_rel, &spins);
+        assert_eq!(action.turning, Vec3::zeros());
         assert_eq!(action.force.y, 0.0);
         assert!(action.force.x > 0.0);
     }
@@ -492,7 +492,7 @@ mod tests {
     fn friction_opposes_slip_with_phi_times_the_full_repulsion() {
         let v_rel = Vec3::new(0.3, 0.5, 0.0);
         let action = law(Coulomb::new(0.2, 0.01)).action::<Separate>(-0.002, &Vec3::x(), &v_rel, &Vec3::y());
-        assert_eq!(action.torque, Vec3::zeros());
+        assert_eq!(action.turning, Vec3::zeros());
         let f = 10.0 * (0.3f64).exp();
         // Friction is not reduced by rho although the contact is opening; see docs/model.md on effective
         // friction.
@@ -505,11 +505,11 @@ mod tests {
         let law = law(Turning(Coulomb::new(0.2, 0.01)));
         let n = Vec3::new(0.6, -0.48, 0.64);
         let v = Vec3::new(0.1, 0.7, -0.2);
-        let spins = Vec3::new(3.0, -1.0, 2.0);
+        let spins = Vec3::new(0.3, -0.1, 0.2);
         let on_i = law.action::<Separate>(-0.003, &n, &v, &spins);
         let on_j = law.action::<Separate>(-0.003, &-n, &-v, &spins);
         assert_eq!(on_i.force, -on_j.force);
-        assert_eq!(on_i.torque, on_j.torque);
+        assert_eq!(on_i.turning, on_j.turning);
     }
 
     #[test]

@@ -78,7 +78,7 @@ impl Cloud {
         let mut slopes = vec![[Vec3::zeros(); 3]; ids.len()];
         let width = y.len() / ids.len();
         for (id, row) in ids.into_iter().zip(dydt.chunks_exact(width)) {
-            slopes[id as usize] = [position(row), velocity(row), spin(row)];
+            slopes[id as usize] = [position(row), velocity(row), spin(row) / R];
         }
         slopes
     }

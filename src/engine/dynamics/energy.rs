@@ -13,15 +13,21 @@ use crate::ode::Dissipation;
 impl Dynamics<'_> {
     /// Kinetic energy of all particles at `y`, J. Collective.
     pub fn kinetic_energy(&self, y: &[f64]) -> f64 {
-        let BodyParameters { mass, inverse_inertia, .. } = self.forces.parameters;
-        // An infinite inertia (1/I = 0) allows no spin but 0, and so holds no energy.
-        let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
+        let (mass, turned) = (self.forces.parameters.mass, self.turned_mass());
         let width = self.width();
         let energy = |i: usize| {
             let row = row(y, width, i);
-            0.5 * mass * velocity(row).norm_squared() + 0.5 * inertia * spin(row).norm_squared()
+            0.5 * mass * velocity(row).norm_squared() + 0.5 * turned * spin(row).norm_squared()
         };
         exact::exact_sum(self.domain.comm, self.domain.owned, energy)
+    }
+
+    /// I/r^2, kg: what the mass is for velocities, for spins; 2/5 m for a homogeneous sphere.
+    ///
+    /// An infinite inertia (1/I = 0) allows no spin but 0, and so holds no energy.
+    pub(super) fn turned_mass(&self) -> f64 {
+        let per_force = self.forces.parameters.inertia(self.law().r).spin_per_force;
+        if per_force > 0.0 { 1.0 / per_force } else { 0.0 }
     }
 
     /// Numbers of a particle in a state.

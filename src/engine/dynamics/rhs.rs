@@ -3,7 +3,7 @@
 use super::decomposition::Decomposition;
 use super::{Dynamics, Extremes, Fault, FaultSearch};
 use crate::domain::{exact, migration};
-use crate::engine::forces::{BodyParameters, CHUNK, StageMaker};
+use crate::engine::forces::{CHUNK, StageMaker};
 use crate::error::StopRequest;
 use crate::math::larger;
 use crate::math::vector::Vec3;
@@ -133,14 +133,13 @@ impl Ivp for Dynamics<'_> {
     /// spring with the stiffness of a contact at rest. Friction is symmetric in this norm.
     fn length(&mut self, v: &[f64]) -> f64 {
         let clock = Instant::now();
-        let BodyParameters { mass, inverse_inertia, .. } = self.forces.parameters;
-        let inertia = if inverse_inertia > 0.0 { 1.0 / inverse_inertia } else { 0.0 };
+        let (mass, turned) = (self.forces.parameters.mass, self.turned_mass());
         let LawParameters { kappa, f_0, .. } = self.law();
         let (stiffness, width) = (kappa * f_0, self.layout.0[0].width);
         let square = |i: usize| {
             let row = &v[i * width..(i + 1) * width];
             mass * velocity(row).norm_squared()
-                + inertia * spin(row).norm_squared()
+                + turned * spin(row).norm_squared()
                 + stiffness * position(row).norm_squared()
         };
         let length = exact::exact_sum(self.domain.comm, v.len() / width, square).sqrt();
@@ -150,18 +149,18 @@ impl Ivp for Dynamics<'_> {
 
     fn add_direction(&mut self, round: u64, share: f64, v: &mut [f64]) {
         let size = 1.0 / (self.forces.parameters.mass * self.count() as f64).sqrt();
-        let (r, ids, width) = (self.law().r, self.domain.own_ids(), self.layout.0[0].width);
+        let (ids, width) = (self.domain.own_ids(), self.layout.0[0].width);
         let add = |first: usize, rows: Rows| {
             for (row, &id) in rows.numbers.chunks_exact_mut(width).zip(&ids[first..]) {
                 let mut bits = migration::scramble(id ^ migration::scramble(round));
-                let mut vector = |size: f64| {
+                let mut vector = || {
                     Vec3::from_fn(|_, _| {
                         bits = migration::scramble(bits);
                         // 53 bits as a fraction in -1..1.
                         size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0)
                     })
                 };
-                let (v, spin) = (vector(size), vector(size / r));
+                let (v, spin) = (vector(), vector());
                 let mut add = |columns: std::ops::Range<usize>, vector: Vec3| {
                     for (number, component) in row[columns].iter_mut().zip(&vector) {
                         *number += component * share;

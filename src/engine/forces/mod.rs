@@ -49,10 +49,10 @@ pub struct BodyParameters {
 }
 
 impl BodyParameters {
-    /// What turns forces and torques into accelerations.
-    pub fn inertia(&self) -> Inertia {
-        let BodyParameters { mass, inverse_inertia, gravity, .. } = *self;
-        Inertia { mass, inverse_inertia, gravity }
+    /// What turns forces and torques on spheres of radius `r` (m) into accelerations.
+    pub fn inertia(&self, r: f64) -> Inertia {
+        let BodyParameters { mass, gravity, .. } = *self;
+        Inertia { mass, spin_per_force: r * r * self.inverse_inertia, gravity }
     }
 }
 
@@ -365,7 +365,7 @@ impl Forces {
 
     /// Contacts of the current bodies whose force is not finite. Over all ranks each counts once.
     pub fn broken(&self) -> impl Iterator<Item = Broken> {
-        let finite = |action: &Action| (action.force.norm_squared() + action.torque.amax()).is_finite();
+        let finite = |action: &Action| (action.force.norm_squared() + action.turning.amax()).is_finite();
         self.lists.blocks.iter().zip(&self.block_bodies).flat_map(move |(block, local)| {
             let body = |slot: u32| local.body(slot as usize);
             let pairs = block.pairs.iter().filter(|[i, _]| block.owns(*i));

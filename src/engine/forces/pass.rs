@@ -78,7 +78,7 @@ struct Field<'a> {
 impl<'a> Field<'a> {
     fn new(kernel: &'a dyn Kernel, parameters: &'a BodyParameters) -> Self {
         let allowed = allowed(kernel.law().r);
-        Field { kernel, parameters, inertia: parameters.inertia(), allowed }
+        Field { kernel, parameters, inertia: parameters.inertia(kernel.law().r), allowed }
     }
 }
 
@@ -88,7 +88,7 @@ type Items<'a> = (Rows<'a>, Vectors<'a>);
 impl Field<'_> {
     /// Makes the own bodies with slots in `part` and starts their slopes.
     ///
-    /// The slopes then hold velocities, and forces (N) and torques (N m) of walls. `rows` belong to `part`.
+    /// The slopes then hold velocities, and forces and torques over the radius (N) of walls. `rows` belong to `part`.
     /// Also updates `BlockBodies::distances`.
     fn advance(
         &self,

@@ -1,6 +1,7 @@
 //! Columns of a batch of contacts.
 //!
-//! They are filled from the bodies, then replaced by forces and torques, which are added to the slopes.
+//! They are filled from the bodies, then replaced by forces and torques, which are added to the slopes. A
+//! torque is given over the radius, N.
 
 use super::BATCH;
 use crate::math::instructions::Lanes;
@@ -24,7 +25,7 @@ pub struct Batch {
     pub n: [Column; 3],
     /// Velocity relative to the partner, m/s.
     v: [Column; 3],
-    /// At first the sum of the angular velocities, rad/s. At last the torque, N m.
+    /// At first the sum of the spins, m/s. At last the torque over the radius, N.
     spins: [Column; 3],
     /// 1 where a pair is within `l_max`, 0 elsewhere.
     pub near: [u64; BATCH],
@@ -145,14 +146,14 @@ impl Batch {
         near: bool,
     ) {
         let (n, v) = (self.normal(k), self.velocity(k));
-        let Action { force, torque } = law.action::<L>(self.gap[k], &n, &v, &self.torque::<N>(k));
+        let Action { force, turning } = law.action::<L>(self.gap[k], &n, &v, &self.spins::<N>(k));
         self.n[0][k] = if near { force.x } else { 0.0 };
         self.n[1][k] = if near { force.y } else { 0.0 };
         self.n[2][k] = if near { force.z } else { 0.0 };
         if N == 9 {
-            self.spins[0][k] = if near { torque.x } else { 0.0 };
-            self.spins[1][k] = if near { torque.y } else { 0.0 };
-            self.spins[2][k] = if near { torque.z } else { 0.0 };
+            self.spins[0][k] = if near { turning.x } else { 0.0 };
+            self.spins[1][k] = if near { turning.y } else { 0.0 };
+            self.spins[2][k] = if near { turning.z } else { 0.0 };
         }
     }
 
@@ -162,9 +163,9 @@ impl Batch {
         self.normal(k)
     }
 
-    /// The torque in row `k`, after `evaluate`, N m. Before, the sum of the spins, rad/s.
+    /// The sum of the spins in row `k`, m/s. After `evaluate`, the torque over the radius, N.
     #[inline(always)]
-    pub fn torque<const N: usize>(&self, k: usize) -> Vec3 {
+    pub fn spins<const N: usize>(&self, k: usize) -> Vec3 {
         if N == 9 { Vec3::new(self.spins[0][k], self.spins[1][k], self.spins[2][k]) } else { Vec3::zeros() }
     }
 

@@ -126,7 +126,7 @@ fn put_power<L: Lanes, R: Rebound, T: Tangential, const N: usize>(
     gap: f64,
     n: &Vec3,
 ) {
-    let numbers = energies.dissipation::<L>(gap, n, &batch.velocity(k), &batch.torque::<N>(k));
+    let numbers = energies.dissipation::<L>(gap, n, &batch.velocity(k), &batch.spins::<N>(k));
     batch.put_numbers(k, numbers);
 }
 

@@ -33,8 +33,8 @@ mod measure;
 pub struct Inertia {
     /// Mass of every particle, kg.
     pub mass: f64,
-    /// 1/I, 1/(kg m^2); I = 2/5 m r^2 for a homogeneous sphere.
-    pub inverse_inertia: f64,
+    /// r^2/I, 1/kg: the slope of a spin for every newton of torque over radius.
+    pub spin_per_force: f64,
     /// Gravitational acceleration, m/s^2.
     pub gravity: Vec3,
 }
@@ -45,8 +45,8 @@ pub struct Sweep<'a> {
     pub bodies: &'a [f64],
     /// Scratch memory.
     pub batch: &'a mut Batch,
-    /// Slopes of the first of these bodies, at most of the own particles. During a sweep they hold forces (N)
-    /// and torques (N m), to which the sweep adds.
+    /// Slopes of the first of these bodies, at most of the own particles. During a sweep they hold forces
+    /// and torques over the radius (N), to which the sweep adds.
     pub slopes: &'a mut [f64],
 }
 
@@ -128,7 +128,7 @@ fn with_rebound<R: Rebound>(
     }
 }
 
-/// A kernel with a law of one's own. The state has angular velocities if friction turns the spheres
+/// A kernel with a law of one's own. The state has spins if friction turns the spheres
 /// ([`Tangential::TURNS`]).
 ///
 /// # Examples
@@ -233,7 +233,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Kernel for Compiled<R, T, N> {
             for k in 0..3 {
                 slope[VELOCITY.start + k] = slope[VELOCITY.start + k] * inverse_mass + gravity[k];
             }
-            slope[VELOCITY.end..].iter_mut().for_each(|torque| *torque *= inertia.inverse_inertia);
+            slope[VELOCITY.end..].iter_mut().for_each(|turning| *turning *= inertia.spin_per_force);
         }
     }
 
@@ -276,11 +276,11 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Walls<'_, R, T, N
             }
             for (k, &[i, _]) in contacts.iter().enumerate() {
                 let slope = &mut slopes[i as usize - first];
-                let (force, torque) = (batch.force(k), batch.torque::<N>(k));
+                let (force, turning) = (batch.force(k), batch.spins::<N>(k));
                 for c in 0..3 {
                     slope[VELOCITY.start + c] += force[c];
                     if N == SPIN.end {
-                        slope[SPIN.start + c] += torque[c];
+                        slope[SPIN.start + c] += turning[c];
                     }
                 }
             }

@@ -70,20 +70,20 @@ fn slopes(kernel: &dyn Kernel, bodies: &[f64], lists: &Lists) -> (Vec<f64>, u64)
         let walls = Sweep { bodies, batch: &mut batch, slopes: &mut *slopes };
         kernel.add_walls(0, &block.walls, &parameters.walls, walls);
         count += kernel.add_pairs(&block.near, Sweep { bodies, batch: &mut other, slopes: &mut *slopes });
-        kernel.finish(&parameters.inertia(), slopes);
+        kernel.finish(&parameters.inertia(kernel.law().r), slopes);
     }
     (slopes, count)
 }
 
-/// Acceleration and angular acceleration of body `i`, eqs. (2.13)-(2.15), summed contact by contact.
+/// Slopes of velocity and spin of body `i`, eqs. (2.13)-(2.15), summed contact by contact.
 fn expected(kernel: &dyn Kernel, bodies: &[f64], i: usize) -> (Vec3, Vec3) {
     let (parameters, law, width) = (parameters(), kernel.law(), kernel.width());
-    let (mut force, mut torque) = (Vec3::zeros(), Vec3::zeros());
+    let (mut force, mut turning) = (Vec3::zeros(), Vec3::zeros());
     let mut add = |gap: f64, n: Vec3, v: Vec3, spins: Vec3| {
         if gap <= law.l_max {
             let action = kernel.action(gap, &n, &v, &spins);
             force += action.force;
-            torque += action.torque;
+            turning += action.turning;
         }
     };
     let a = &bodies[i * width..][..width];
@@ -94,7 +94,7 @@ fn expected(kernel: &dyn Kernel, bodies: &[f64], i: usize) -> (Vec3, Vec3) {
         let apart = position(a) - position(b);
         add(apart.norm() - 2.0 * law.r, apart.normalize(), velocity(a) - velocity(b), spin(a) + spin(b));
     }
-    (force / parameters.mass + parameters.gravity, torque * parameters.inverse_inertia)
+    (force / parameters.mass + parameters.gravity, turning * law.r * law.r * parameters.inverse_inertia)
 }
 
 fn check(effects: Effects) {

@@ -4,7 +4,7 @@ use crate::domain::{Comm, rows};
 use crate::engine::dynamics::{Dynamics, Particles};
 use crate::error::{Error, StopRequest};
 use crate::math::instructions::InstructionSet;
-use crate::model::columns::{Columns, SPIN};
+use crate::model::columns::{Changes, Columns, SPIN, put_spins};
 use crate::ode::integrator::Integrator;
 use crate::ode::{Ivp, Limit, Norm, StepControl, StepRule, StepStart, TrialStep};
 use crate::scene::initial_condition::{self, InitialCondition};
@@ -117,6 +117,7 @@ impl<'c> Simulation<'c> {
         let Physics { kernel, parameters } = physics;
         let rotation = kernel(InstructionSet::Baseline).width() == SPIN.end;
         let (columns, mut y, constants) = start.rows(ids.clone(), rotation);
+        put_spins(&mut y, columns.width(Changes::EveryStage), scene.particles.radius);
         let scale = initial_condition::velocity_scale(scene, start);
         let particles = Particles { ids: ids.collect(), columns, constants, y: &mut y };
         let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut [])?;
@@ -182,7 +183,7 @@ impl<'c> Simulation<'c> {
         self.dynamics.listen_to(interrupts);
     }
 
-    /// Last accepted state of the owned particles, in the order of the ids of `dynamics`.
+    /// Last accepted state of the owned particles, with spins, in the order of the ids of `dynamics`.
     pub fn state(&self) -> &[f64] {
         &self.step_start.y
     }

@@ -4,8 +4,9 @@ use super::{Counts, Simulation, Snapshot};
 use crate::domain::rows::{self, ById};
 use crate::engine::dynamics::Clocks;
 use crate::error::{Error, StopRequest};
-use crate::model::columns::{Changes, Column, Columns};
+use crate::model::columns::{Changes, Column, Columns, put_angular_velocities};
 use crate::ode::Dissipation;
+use std::borrow::Cow;
 use std::time::Instant;
 
 /// The state of the system at one time, for the output and the progress line.
@@ -32,7 +33,8 @@ pub struct Frame<'a> {
     pub output_seconds: f64,
     /// First id of `rows`.
     pub first: u64,
-    /// The particles of this rank's block of ids, by id, as rows of the state.
+    /// The particles of this rank's block of ids, by id: position, velocity and, with rotation, angular
+    /// velocity.
     pub rows: &'a ById<'a>,
     /// Columns that change only when lists are built, of the same particles.
     pub constants: &'a ById<'a>,
@@ -191,14 +193,18 @@ impl Simulation<'_> {
         let (potential_energy, largest_overlap) = dynamics.potential_energy(state);
         let (count, ids, columns) = (dynamics.count(), dynamics.ids(), dynamics.columns());
         let width = columns.width(Changes::EveryStage);
-        let rows = ById::new(self.comm, count, ids, state, width);
+        let mut shown = Cow::Borrowed(state);
+        if columns.rotation() {
+            put_angular_velocities(shown.to_mut(), width, dynamics.law().r);
+        }
+        let rows = ById::new(self.comm, count, ids, &shown, width);
         let constant = columns.width(Changes::WithLists);
         // Without such columns there is nothing to collect.
         let constants = match constant {
             0 => ById::none(),
             width => ById::new(self.comm, count, ids, dynamics.constants(), width),
         };
-        let shown = observer.frame(&Frame {
+        let seen = observer.frame(&Frame {
             time: t,
             step: self.progress.last,
             counts: self.progress.counts,
@@ -214,10 +220,10 @@ impl Simulation<'_> {
             constants: &constants,
             columns,
         });
-        if matches!(shown, Err(Error::Replaced { .. })) {
+        if matches!(seen, Err(Error::Replaced { .. })) {
             self.save(observer)?;
         }
-        shown?;
+        seen?;
         self.progress.largest_overlap = self.progress.largest_overlap.max(largest_overlap);
         self.clock.output_seconds += clock.elapsed().as_secs_f64();
         Ok(())

@@ -37,9 +37,10 @@ pub fn parameters(scene: &Scene) -> BodyParameters {
 pub(super) fn error_control(scene: &Scene, scale: f64, columns: &Columns) -> (Norm, StepControl) {
     let (solver, r) = (&scene.solver, scene.particles.radius);
     let paper = solver.norm == NormName::Paper;
-    // Positions over the radius, velocities over the scale, and spins as the velocities of surfaces.
-    let [x, v, omega] = if paper { [1.0; 3] } else { [1.0 / r, 1.0 / scale, r / scale] };
-    let weights = [x, x, x, v, v, v, omega, omega, omega];
+    // Positions over the radius, velocities and spins over the scale. The published norm is that of angular
+    // velocities: spins over the radius.
+    let [x, v, s] = if paper { [1.0, 1.0, 1.0 / r] } else { [1.0 / r, 1.0 / scale, 1.0 / scale] };
+    let weights = [x, x, x, v, v, v, s, s, s];
     let norm = Norm { weights: vec![weights[..columns.width(Changes::EveryStage)].to_vec()], rate: paper };
     let control = match solver.step {
         Some(step) => StepControl::new(StepRule::Fixed, 1.0, step, step),

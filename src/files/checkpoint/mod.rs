@@ -24,7 +24,7 @@ pub use read::{look, read, verify};
 pub use write::write;
 
 /// Version of the file format. The program reads no other one.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 
 /// Everything in a checkpoint except the particles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

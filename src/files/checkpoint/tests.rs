@@ -294,9 +294,9 @@ fn a_file_that_is_cut_off_or_foreign_is_refused() {
     fs::write(&path, "t_end = 1\n".repeat(100)).unwrap();
     assert!(refusal(&path).unwrap().contains("it does not begin like one"));
     let mut newer = whole.clone();
-    newer[16] = 3;
+    newer[16] = 4;
     fs::write(&path, newer).unwrap();
-    assert!(refusal(&path).unwrap().contains("it has the format 3, and this program reads 2"));
+    assert!(refusal(&path).unwrap().contains("it has the format 4, and this program reads 3"));
     fs::remove_file(&path).unwrap();
     assert!(look(&path).is_none());
     fs::create_dir(&path).unwrap();

@@ -44,8 +44,8 @@ pub struct InitialCondition {
 }
 
 impl InitialCondition {
-    /// The particles with the given `ids`: their columns, rows of their states, and rows of the columns that
-    /// change only when lists are built. `rotation` tells whether the state has an angular velocity.
+    /// The particles with the given `ids`: their columns, rows of what moves, and rows of the columns that
+    /// change only when lists are built. `rotation` tells whether rows have an angular velocity.
     pub fn rows(&self, ids: Range<u64>, rotation: bool) -> (Columns, Vec<f64>, Vec<f64>) {
         let mut columns = Columns::new(rotation);
         self.columns.iter().for_each(|(column, _)| columns.push(column.clone()));
