@@ -16,3 +16,5 @@ fi
 export DEMHYBRID_PYTHON="$PWD/.venv/bin/python"
 
 make check
+echo
+echo "test.sh: format, lints, documentation and all tests passed"
