@@ -20,6 +20,16 @@ file="$project/configs/$scene.toml"
 }
 name="${scene//\//-}" # paper-settle is another run than settle
 
+# Whether the result gets the usual name. One that is there is refused now, and not after a build.
+case " $* " in
+*" -o"* | *" --out"* | *" --dry-run "* | *output.file*) usual=no ;;
+*) usual=yes ;;
+esac
+if [ $usual = yes ] && [ -e "$name.vtkhdf" ] && [[ " $* " != *" --force "* ]]; then
+    echo "settle.sh: $name.vtkhdf is there already: add --force to replace it" >&2
+    exit 2
+fi
+
 path="$PATH"
 "$project/launch/setup.sh"
 . "$project/launch/env.sh"
@@ -27,10 +37,7 @@ path="$PATH"
 [ "$name" != bounce ] || [ -f bounce.csv ] || cp "$project/configs/bounce.csv" .
 mpirun -n "${RANKS:-2}" demhybrid "$name.toml" "$@"
 
-# What to do next, where there is a result under the usual name.
-case " $* " in
-*" -o"* | *" --out"* | *" --dry-run "* | *output.file*) exit ;;
-esac
+[ $usual = yes ] || exit 0
 echo
 echo "settle.sh: the result is in $name.vtkhdf. What next?"
 [ "$path" = "$PATH" ] || echo "  . $project/launch/env.sh    # once in this shell, to find demhybrid"
