@@ -25,7 +25,7 @@ SERIES = {
 # Columns that are there together or not at all.
 DISSIPATED = ["dissipated_rebound", "dissipated_friction"]
 # What may decide the size of a step.
-LIMITS = ["error", "growth", "stability", "travel", "maximum", "minimum", "first", "end"]
+LIMITS = ["error", "growth", "stability", "travel", "contact", "maximum", "minimum", "first", "end"]
 COUNTS = ["ranks", "threads", "steps_accepted", "steps_rejected", "steps_outrun", "rhs_evaluations", "pair_evaluations",
           "lists_built", "forced_accepts", "completed", *(f"limited_by_{limit}" for limit in LIMITS)]
 REALS = ["tolerance", "velocity_scale", "contact_reach", "mass", "wall_seconds",

@@ -15,6 +15,8 @@ pub enum Limit {
     Stability,
     /// The problem allows rows to move only so far in one step.
     Travel,
+    /// The problem forbids to step into a change that it sees coming.
+    Contact,
     /// The largest step: `solver.max_step`, or `solver.step`.
     Maximum,
     /// The smallest step: `solver.min_step`.
@@ -27,11 +29,12 @@ pub enum Limit {
 
 impl Limit {
     /// All limits, in the order in which they are reported.
-    pub const ALL: [Limit; 8] = [
+    pub const ALL: [Limit; 9] = [
         Limit::Error,
         Limit::Growth,
         Limit::Stability,
         Limit::Travel,
+        Limit::Contact,
         Limit::Maximum,
         Limit::Minimum,
         Limit::First,
@@ -45,6 +48,7 @@ impl Limit {
             Limit::Growth => "growth",
             Limit::Stability => "stability",
             Limit::Travel => "travel",
+            Limit::Contact => "contact",
             Limit::Maximum => "maximum",
             Limit::Minimum => "minimum",
             Limit::First => "first",
@@ -114,7 +118,7 @@ pub struct StepControl {
 }
 
 /// Largest factor by which a step may grow.
-const GROWTH: f64 = 5.0;
+pub const GROWTH: f64 = 5.0;
 /// Smallest error that is distinguished from zero, as a share of the tolerance.
 const LEAST_ERROR: f64 = 1e-6;
 /// Smallest factor by which a step may shrink.

@@ -43,6 +43,12 @@ impl Case {
         Self::from_text("test.toml", TIGHT)
     }
 
+    /// No particle yet, no walls, no gravity, the material of Tab. 4.2 without friction, the default solver.
+    pub fn defaults() -> Self {
+        let (scene, _) = TIGHT.split_once("    solver").unwrap();
+        Self::from_text("test.toml", scene)
+    }
+
     /// A scene of the folder `configs`.
     pub fn config(name: &str) -> Self {
         let path = root().join("configs").join(name);

@@ -180,7 +180,7 @@ fn a_run_without_mpirun_writes_the_scenes_stem_into_the_working_folder() {
         "{method}"
     );
     let sizes = ended.line("step sizes");
-    let limits = ["error", "growth", "stability", "travel", "maximum", "minimum", "first", "end"];
+    let limits = ["error", "growth", "stability", "travel", "contact", "maximum", "minimum", "first", "end"];
     for (name, steps) in limits.map(|name| (name, results.count(&format!("limited_by_{name}")))) {
         assert_eq!(sizes.contains(&format!("{name} {steps}")), steps > 0, "{name} of {steps} steps: {sizes}");
     }

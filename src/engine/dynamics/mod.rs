@@ -24,12 +24,16 @@ mod rhs;
 ///
 /// Both particles of a contact may move that far. Together that is far less than the way through a sphere, so
 /// no step misses a collision at any tolerance.
-pub const TRAVEL: f64 = 0.3;
+pub const TRAVEL: f64 = 0.1;
+
+/// How far particles may move before the lists must be rebuilt, as a share of the radius.
+const FREE_PATH: f64 = 0.2;
 
 /// How far the cutoff of lists and ghosts exceeds `l_max`, as a share of the radius.
 ///
-/// It must be at least twice the travel: two particles may approach each other.
-pub const SKIN: f64 = 2.0 * TRAVEL;
+/// Two particles may approach each other. So lists always have all pairs up to a gap of `l_max` and two
+/// travels, however far particles have moved since the lists were built.
+pub const SKIN: f64 = 2.0 * (FREE_PATH + TRAVEL);
 
 /// Time spent in the parts of the work on this rank.
 #[derive(Debug, Clone, Copy, Default)]
@@ -51,6 +55,8 @@ pub struct Extremes {
     pub speed: f64,
     /// Largest distance from where the lists were built, m.
     pub drift: f64,
+    /// Inverse of the largest step that no impact forbids, 1/s; 0 if that is beyond the largest next step.
+    pub approach: f64,
 }
 
 /// A right-hand side that is not finite.
@@ -101,6 +107,8 @@ struct Motion {
     ///
     /// The first may be 0 in place of a distance that is certainly within the free path.
     moved: [f64; 2],
+    /// The largest step that may follow the current one, s.
+    largest_next: f64,
     /// Extremes of the accepted state.
     accepted: Extremes,
     /// Extremes of the result of the last trial.
@@ -198,6 +206,9 @@ impl<'c> Dynamics<'c> {
             dynamics.relocate(0.0, y, companions)?;
             dynamics.tally.rebuilds = 1;
         }
+        let mut approach = [dynamics.fastest_approach(0.0)];
+        comm.max(&mut approach);
+        dynamics.motion.accepted.approach = approach[0];
         Ok(dynamics)
     }
 
@@ -335,8 +346,18 @@ impl<'c> Dynamics<'c> {
     }
 
     /// The largest step from the accepted state that is expected to move no particle too far, s.
-    pub fn step_limit(&self) -> f64 {
+    pub fn travel_limit(&self) -> f64 {
         0.9 * self.travel() / self.motion.accepted.speed
+    }
+
+    /// The largest step from the accepted state that no impact forbids, s.
+    pub fn contact_limit(&self) -> f64 {
+        1.0 / self.motion.accepted.approach
+    }
+
+    /// Tells how large the step after the next trial may be, at most, s.
+    pub fn set_largest_next(&mut self, h: f64) {
+        self.motion.largest_next = h;
     }
 
     /// Whether a step `h` (s) from the accepted state is likely to move a particle out of range of the lists.
@@ -346,7 +367,17 @@ impl<'c> Dynamics<'c> {
 
     /// How far a particle may move before the lists must be rebuilt, m.
     fn free_path(&self) -> f64 {
-        0.5 * SKIN * self.law().r
+        FREE_PATH * self.law().r
+    }
+
+    /// The fastest approach of this rank's contacts in the current bodies, 1/s; see
+    /// [`Forces::fastest_approach`].
+    ///
+    /// It takes contacts up to a gap of l_max and two travels. All lists have these, whenever they were
+    /// built, so the result does not depend on lists. Contacts beyond cannot meet within one step.
+    pub(super) fn fastest_approach(&mut self, least: f64) -> f64 {
+        let within = self.l_max + 2.0 * self.travel();
+        self.forces.fastest_approach(least, within)
     }
 
     /// From now on computes the dissipated power with every right-hand side. This takes two more passes over
@@ -397,7 +428,8 @@ impl<'c> Dynamics<'c> {
         self.motion.origin.extend(self.domain.centres(y));
         let mut speed = [self.fastest(y)];
         self.domain.comm.max(&mut speed);
-        self.motion.accepted = Extremes { speed: speed[0], drift: 0.0 };
+        // The approach does not depend on lists: it stays as the last stage found it.
+        self.motion.accepted = Extremes { speed: speed[0], drift: 0.0, ..self.motion.accepted };
         self.tally.rebuilds += 1;
         self.clocks.lists += clock.elapsed();
         Ok(())

@@ -206,13 +206,16 @@ impl Ivp for Dynamics<'_> {
         let [error, drift, way, speed] =
             threads::parts(origin.len(), threads::GRAIN, rows, &measure, &largest);
         let moved = [larger(self.motion.moved[0], drift), larger(self.motion.moved[1], way)];
+        // The last stage of every method is at the end of the step, so close to its result that the bodies of
+        // that stage tell which impacts come next.
+        let approach = self.fastest_approach(1.0 / self.motion.largest_next);
         let interrupts = self.requests.interrupts;
         let request = interrupts.map_or(StopRequest::Nothing, |interrupts| interrupts()).weight();
-        let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), request];
+        let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), request, approach];
         self.domain.comm.max(&mut shared);
-        let [error, from_origin, from_start, speed, drift, request] = shared;
+        let [error, from_origin, from_start, speed, drift, request, approach] = shared;
         self.requests.agreed = StopRequest::of_weight(request);
-        self.motion.candidate = Extremes { speed, drift };
+        self.motion.candidate = Extremes { speed, drift, approach };
         self.clocks.reduction += clock.elapsed();
         TrialOutcome {
             error,

@@ -23,6 +23,7 @@ use block_bodies::{BlockBodies, OutboxSlot, clear_for};
 use blocks::each_block;
 pub use pass::{CHUNK, StageMaker};
 
+mod approach;
 mod block_bodies;
 mod blocks;
 mod pass;

@@ -88,8 +88,8 @@ type Items<'a> = (Rows<'a>, Vectors<'a>);
 impl Field<'_> {
     /// Makes the own bodies with slots in `part` and starts their slopes.
     ///
-    /// The slopes then hold velocities, and forces and torques over the radius (N) of walls. `rows` belong to `part`.
-    /// Also updates `BlockBodies::distances`.
+    /// The slopes then hold velocities, and forces and torques over the radius (N) of walls. `rows` belong to
+    /// `part`. Also updates `BlockBodies::distances`.
     fn advance(
         &self,
         maker: StageMaker,

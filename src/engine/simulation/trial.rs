@@ -2,6 +2,7 @@
 
 use super::Simulation;
 use crate::error::Error;
+use crate::ode::controller::GROWTH;
 use crate::ode::{Dissipation, Ivp, Limit, TrialOutcome};
 
 /// Number of consecutive forced steps that ends a run.
@@ -43,18 +44,11 @@ impl Simulation<'_> {
             if self.choose_cutoff() {
                 self.step_start.slope_known = false;
             }
-            let (mut h, mut limit) = (self.progress.h, self.progress.limit);
-            let stable = self.integrator.stable_step();
-            let mut cut = |most: f64, by: Limit| {
-                if most < h {
-                    (h, limit) = (most, by);
-                }
-            };
-            cut(stable, Limit::Stability);
-            cut(self.dynamics.step_limit(), Limit::Travel);
-            let h = self.control.clamp(h);
+            let (mut h, mut limit) = self.next_trial();
             if self.dynamics.will_outrun(h) {
                 self.dynamics.rebuild(&mut self.step_start)?;
+                // New lists may have new impacts.
+                (h, limit) = self.next_trial();
             }
             self.remember();
             let outcome = self.attempt(h);
@@ -87,6 +81,18 @@ impl Simulation<'_> {
         }
     }
 
+    /// Size of the next trial step (s), and what decided it.
+    fn next_trial(&self) -> (f64, Limit) {
+        let proposed = (self.progress.h, self.progress.limit);
+        let limits = [
+            (self.integrator.stable_step(), Limit::Stability),
+            (self.dynamics.travel_limit(), Limit::Travel),
+            (self.dynamics.contact_limit(), Limit::Contact),
+        ];
+        let (h, limit) = limits.into_iter().fold(proposed, |a, b| if b.0 < a.0 { b } else { a });
+        (self.control.clamp(h), limit)
+    }
+
     /// Sets the gap up to which contacts are evaluated, for the active method. Returns whether that changes
     /// the slopes.
     pub(super) fn choose_cutoff(&mut self) -> bool {
@@ -96,6 +102,7 @@ impl Simulation<'_> {
 
     /// One trial step from the last accepted state. Collective.
     fn attempt(&mut self, h: f64) -> TrialOutcome {
+        self.dynamics.set_largest_next(GROWTH * h);
         let outcome =
             self.integrator.attempt(&mut self.dynamics, &mut self.step_start, h, &self.norm, &mut self.trial);
         self.progress.counts.rhs += self.trial.evaluations;

@@ -1,0 +1,98 @@
+//! How fast partners approach each other, compared with the way that is left to them.
+//!
+//! An impact must not lie within one step. While a contact closes with the speed v, a step of size h takes it
+//! by v h. Its repulsion grows e-fold on a way of 1/kappa, so a step may go that far into an impact:
+//!
+//! h <= (max(0, l - l_c) + 1/kappa) / v
+//!
+//! From the gap l_c on the repulsion matters to the impact: twice the energy that it stores there is a share
+//! of 0.01 of the kinetic energy m_e v^2/2 of the approach, where m_e is m/2 for a pair and m for a wall:
+//!
+//! l_c = ln(2 F_0/(0.01 kappa m_e v^2))/kappa
+//!
+//! Surfaces do not interact beyond l_max, so l_c is at most l_max.
+
+use super::Forces;
+use super::block_bodies::BlockBodies;
+use super::blocks::each_block;
+use crate::engine::neighbors::Block;
+use crate::math::larger;
+use crate::model::columns::{position, velocity};
+use crate::model::contact::LawParameters;
+
+/// Share of the kinetic energy of an approach from which the stored energy matters.
+const SHARE: f64 = 0.01;
+
+/// Finds the fastest approach: the largest v/(max(0, l - l_c) + 1/kappa), 1/s.
+struct Approach {
+    law: LawParameters,
+    /// Mass of a particle, kg.
+    mass: f64,
+    /// Contacts count up to this gap, m.
+    within: f64,
+    /// Largest rate so far, 1/s.
+    most: f64,
+}
+
+impl Approach {
+    /// Takes a contact into account. `closing` (m^2/s) is the speed of the approach times the distance.
+    ///
+    /// The gap (m) is the distance less `surfaces`. `m_e` is the effective mass over that of a particle.
+    #[inline(always)]
+    fn take(&mut self, closing: f64, squared_distance: f64, surfaces: f64, m_e: f64) {
+        let LawParameters { kappa, f_0, l_max, .. } = self.law;
+        // The rate is at most kappa v. Most contacts end here.
+        if closing <= 0.0 || (closing * kappa).powi(2) <= self.most * self.most * squared_distance {
+            return;
+        }
+        let distance = squared_distance.sqrt();
+        if distance - surfaces > self.within {
+            return;
+        }
+        let speed = closing / distance;
+        let matters = 2.0 * f_0 / (SHARE * kappa * m_e * self.mass * speed * speed);
+        let l_c = (matters.ln() / kappa).min(l_max);
+        let left = (distance - surfaces - l_c).max(0.0) + 1.0 / kappa;
+        self.most = larger(self.most, speed / left);
+    }
+}
+
+impl Forces {
+    /// The largest v/(max(0, l - l_c) + 1/kappa) of all contacts up to the gap `within` (m) of the current
+    /// bodies, 1/s, or 0 if it is not more than `least`.
+    ///
+    /// Its inverse is the largest step that no impact forbids.
+    ///
+    /// A contact across ranks is seen by both.
+    pub fn fastest_approach(&mut self, least: f64, within: f64) -> f64 {
+        let Forces { kernel, parameters, lists, bounds, block_bodies, width, .. } = self;
+        let (law, width) = (kernel.law(), *width);
+        let work = |(blocks, block_bodies): (&[Block], &[BlockBodies]), ()| {
+            let mut approach = Approach { law, mass: parameters.mass, within, most: least };
+            let (block, bodies) = (&blocks[0], &block_bodies[0].bodies);
+            let squares = bodies.chunks_exact(width).map(|body| velocity(body).norm_squared());
+            let fastest = squares.fold(0.0, larger).sqrt();
+            // No rate is more than kappa times the sum of two speeds. The margin is more than rounding.
+            if 2.0 * fastest * law.kappa * (1.0 + 1e-9) <= least {
+                return least;
+            }
+            let body = |slot: u32| &bodies[slot as usize * width..];
+            for &[i, j] in &block.pairs {
+                let (a, b) = (body(i), body(j));
+                let apart = position(a) - position(b);
+                let closing = -apart.dot(&(velocity(a) - velocity(b)));
+                approach.take(closing, apart.norm_squared(), 2.0 * law.r, 0.5);
+            }
+            for &[i, wall] in &block.walls {
+                let (body, wall) = (body(i), &parameters.walls[wall as usize]);
+                let (depth, speed) = (wall.depth(&position(body)), wall.normal.dot(&velocity(body)));
+                // A centre beyond the wall is as deep as can be: its distance counts as 0.
+                let depth = depth.max(f64::MIN_POSITIVE.sqrt());
+                approach.take(speed * depth, depth * depth, law.r, 1.0);
+            }
+            approach.most
+        };
+        let most = each_block(bounds, (&lists.blocks[..], &block_bodies[..]), (), &work, &larger);
+        if most > least { most } else { 0.0 }
+    }
+}
