@@ -49,7 +49,7 @@ fn main() -> Result<(), Error> {
     }
     let cost = |k: usize| samples[k].work.rhs_evaluations as f64;
     println!("from 1e-1 to 1e-5: error / {:.0}, work * {:.1}", errors[0] / errors[4], cost(4) / cost(0));
-    assert!(errors[4] < 1e-3 * errors[0], "{errors:?}");
+    assert!(errors[4] < 1e-2 * errors[0], "{errors:?}");
     assert!(cost(4) < 10.0 * cost(0));
     Ok(())
 }

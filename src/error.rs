@@ -92,7 +92,7 @@ pub enum Error {
     /// A particle moves so fast that even the smallest allowed step could miss a collision.
     #[error(
         "particle {i} moves too far at t = {t} s: within a step of {h:e} s (solver.min_step) by more than \
-         {travel} m (0.3 particles.radius), and a collision could be missed"
+         {travel} m (0.1 particles.radius), and a collision could be missed"
     )]
     TooFast {
         /// Time, s.

@@ -420,18 +420,18 @@ fn coincident_centres_are_one_message_that_names_them() {
 
 #[test]
 fn centres_that_meet_in_mid_run_end_it_and_leave_the_frames_before() {
-    // Forces too weak to matter, steps of 1/256 s that cannot be smaller: two spheres that are 0.5 m apart
+    // Forces too weak to matter, steps of 1/512 s that cannot be smaller: two spheres that are 0.5 m apart
     // and close at 8 m/s share one centre exactly at a step, 1/16 s.
     let sphere = |x, z, w| [x, 0.5, z, 0.0, 0.0, w, 0.0, 0.0, 0.0];
     let start = csv(&[sphere(2.0, 0.5, 0.0), sphere(1.0, 0.75, 4.0), sphere(1.0, 1.25, -4.0)], false);
     let folder = folder(&scene(0.2, 0.01, WIDE_BOX, BASIC), &start);
-    let sets = ["gravity=[0,0,0]", "contact.repulsion_at_contact=1e-300", "solver.initial_step=0.00390625"];
-    let steps = ["solver.min_step=0.00390625", "solver.max_step=0.00390625"];
+    let sets = ["gravity=[0,0,0]", "contact.repulsion_at_contact=1e-300", "solver.initial_step=0.001953125"];
+    let steps = ["solver.min_step=0.001953125", "solver.max_step=0.001953125"];
     let sets: Vec<_> = sets.into_iter().chain(steps).flat_map(|set| ["--set", set]).collect();
     let ended = Job::on(2, folder.path(), &["scene.toml"]).and(&sets).run().with_code(3);
     ended.only_error(&["demhybrid: error: ", "centres of particles 1 and 2 coincide at t = 0.0625 s"]);
     let results = Results::open(&folder.path().join("scene.vtkhdf"));
-    assert_eq!((results.frames(), results.count("completed")), (6, 0), "{}", ended.stderr);
+    assert_eq!((results.frames(), results.count("completed")), (7, 0), "{}", ended.stderr);
     assert!((results.vectors("Points", 5)[1][2] - 0.95).abs() < 1e-12);
 }
 
