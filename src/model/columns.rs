@@ -51,12 +51,16 @@ pub fn spin(row: &[f64]) -> Vec3 {
     row.get(SPIN).map_or_else(Vec3::zeros, vector)
 }
 
-/// Replaces the angular velocities w in rows of `width` numbers by spins r w. Without rotation there are none.
+/// Replaces the angular velocities w in rows of `width` numbers by spins r w.
+///
+/// Without rotation it does nothing.
 pub fn put_spins(rows: &mut [f64], width: usize, r: f64) {
     each_spin(rows, width, |w| r * w);
 }
 
-/// Replaces the spins s in rows of `width` numbers by angular velocities s/r. Without rotation there are none.
+/// Replaces the spins s in rows of `width` numbers by angular velocities s/r.
+///
+/// Without rotation it does nothing.
 pub fn put_angular_velocities(rows: &mut [f64], width: usize, r: f64) {
     each_spin(rows, width, |s| s / r);
 }
@@ -114,8 +118,9 @@ pub struct Column {
 pub struct Columns(Vec<Column>);
 
 impl Columns {
-    /// Position and velocity and, with `rotation`, angular velocity: what the file has. The state has the spin
-    /// in place of the angular velocity.
+    /// Position and velocity and, with `rotation`, angular velocity: what the file has.
+    ///
+    /// The state has the spin in place of the angular velocity.
     pub fn new(rotation: bool) -> Self {
         let state = |name: &str, unit: &str| Column {
             name: name.to_owned(),

@@ -13,8 +13,8 @@ use crate::math::vector::{Vec3, add_cross, add_scaled, cross, dot, scaled};
 
 /// Force and torque of a contact on particle i.
 ///
-/// The force on the partner j is the opposite. The torque over the radius is the *same*, since both n and F_fr
-/// change sign in eq. (2.11).
+/// The force on the partner j is the opposite. The torque over the radius is the *same*, since both n and
+/// F_fr change sign in eq. (2.11).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Action {
     /// Repulsion and friction, N.

@@ -331,7 +331,7 @@ fn a_frame_at_the_moment_when_centres_pass_through_each_other_does_not_end_the_r
 
 /// 15 drops or head-on pairs at contacts of this hardness, with the default solver.
 ///
-/// Returns the largest rise of energy from one frame to a later one, as a share of the largest kinetic energy.
+/// Returns the largest rise of energy from one frame to a later one, over the largest kinetic energy.
 fn largest_rise(hardness: f64, restitution: f64, pair: bool) -> f64 {
     let kappa = hardness / R;
     let rise = |drop: u32| {

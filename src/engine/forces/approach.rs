@@ -96,3 +96,47 @@ impl Forces {
         if most > least { most } else { 0.0 }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The rate of a pair that closes with `speed` (m/s) at the gap `gap` (m).
+    fn rate(speed: f64, gap: f64, least: f64) -> f64 {
+        let law = LawParameters {
+            r: 0.1,
+            f_0: 10.0,
+            kappa: 1e4,
+            l_max: 2e-3,
+            e: 0.4,
+            psi: 10.0,
+            phi: 0.2,
+            v_min: 0.01,
+        };
+        let mut approach = Approach { law, mass: 2.0, within: 0.022, most: least };
+        let distance = 0.2 + gap;
+        approach.take(speed * distance, distance * distance, 0.2, 0.5);
+        approach.most
+    }
+
+    #[test]
+    fn a_step_may_go_one_e_fold_into_an_impact() {
+        // At 1 m/s 2 F_0/(0.01 kappa m_e v^2) is 0.2, so the repulsion matters 1.6e-4 m deep.
+        let l_c = 0.2f64.ln() / 1e4;
+        for gap in [0.01, 1e-4, 0.0, l_c] {
+            let expected = 1.0 / (gap - l_c + 1e-4);
+            assert!((rate(1.0, gap, 0.0) - expected).abs() < 1e-6 * expected, "{gap}");
+        }
+        // Deeper, a step may change the force by a factor of e.
+        assert!((rate(1.0, -1e-3, 0.0) - 1e4).abs() < 1e-3);
+        // A slow approach is stopped early, but not beyond l_max.
+        assert!((rate(1e-6, 0.01, 0.0) - 1e-6 / (0.01 - 2e-3 + 1e-4)).abs() < 1e-9);
+    }
+
+    #[test]
+    fn what_separates_is_far_or_forbids_nothing_does_not_count() {
+        assert_eq!(rate(-1.0, 0.0, 0.0), 0.0);
+        assert_eq!(rate(1.0, 0.023, 0.0), 0.0);
+        assert_eq!(rate(1.0, 0.01, 1e3), 1e3);
+    }
+}

@@ -97,8 +97,8 @@ fn head(file: &File) -> Result<(Header, Layout), String> {
     let format = file::half(&preamble, 16);
     if format != FORMAT {
         return Err(format!(
-            "it has the format {format}, and this program reads {FORMAT}: the version of demhybrid that wrote \
-             it can resume the run, or the scene can be run again from its start with --force"
+            "it has the format {format}, and this program reads {FORMAT}: the version of demhybrid that \
+             wrote it can resume the run, or the scene can be run again from its start with --force"
         ));
     }
     let (length, parts) = (file::word(&preamble, 24), file::word(&preamble, 32));
