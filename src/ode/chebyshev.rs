@@ -198,9 +198,8 @@ impl Method for Chebyshev {
         let (y, first, table) = (&step_start.y[..], &step_start.slope[..], &self.table[..]);
         // The new change overwrites the change of two stages before, and the new slope that of the stage
         // before. This is safe because a row of a stage depends only on the same row of these vectors.
-        let make = move |j: usize, stage: Stage| {
+        let make_stage = |j: usize, row: &Coefficients, stage: Stage| {
             let Stage { part, vectors: [next, even, odd], state, slope } = stage;
-            let row = &table[j];
             let (changes, older) = if j.is_multiple_of(2) { (even, odd) } else { (odd, even) };
             let (y, first) = (&y[part.range()], &first[part.range()]);
             let [gamma, mu_slope] = [h * row.gamma, h * row.mu_slope];
@@ -238,7 +237,9 @@ impl Method for Chebyshev {
             }
             add_dissipation(&mut sum, h * row.mu_slope, &dissipation);
             dissipated = [sum, dissipated[0]];
-            ivp.rhs_of(step_start.t + row.c * h, y, [j, s], [next, even, odd], slope, &make);
+            ivp.rhs_of(step_start.t + row.c * h, y, [next, even, odd], slope, &|stage: Stage| {
+                make_stage(j, row, stage)
+            });
             dissipation = ivp.dissipation();
         }
         trial.evaluations += s as u64;

@@ -52,8 +52,8 @@ pub struct Stage<'a> {
     pub slope: &'a mut [f64],
 }
 
-/// Makes stage k of some rows; see [`Ivp::rhs_of`].
-pub type MakeStage<'f> = dyn Fn(usize, Stage) + Sync + 'f;
+/// Makes the stage of some rows; see [`Ivp::rhs_of`].
+pub type MakeStage<'f> = dyn Fn(Stage) + Sync + 'f;
 
 /// Completes some rows of a result and returns their largest error; see [`Ivp::agree`].
 pub type FinishRows<'f> = dyn Fn(Part, &mut [f64]) -> f64 + Sync + 'f;
@@ -125,7 +125,6 @@ pub trait Ivp {
     /// - Up to the next `begin`, every `rhs_of` and `agree` receives the same `y`, with the same contents.
     ///   The problem may therefore keep what it has measured at `y` from one stage to the next.
     /// - After an `rhs` at a state other than `y`, `begin` is called before the next `rhs_of`.
-    /// - No sequence of stages (see `rhs_of`) is under way: the last one has reached its last stage.
     ///
     /// The problem guarantees:
     ///
@@ -140,38 +139,25 @@ pub trait Ivp {
     /// The stage is not passed: `make` computes it during the evaluation, some rows at a time. A problem can
     /// then compute the stage and evaluate f there in one pass over memory.
     ///
-    /// `turn` = `[k, stages]` says that this is stage k of a sequence of `stages`, counted from 0. `[0, 1]`
-    /// is a stage on its own. In a sequence the problem may begin the next stage while it evaluates this one.
-    ///
-    /// `make(k, stage)` computes stage k of the consecutive rows `stage.part` and writes it to
+    /// `make(stage)` computes the consecutive rows `stage.part` of the stage and writes them to
     /// `stage.state`. All slices of [`Stage`] have the length of this part. Of `vectors`, those that the
     /// method does not use are empty.
     ///
     /// The problem guarantees:
     ///
-    /// - For every stage, `make` is called exactly once for every row. The parts may have any size and come
-    ///   in any order, and several threads may call `make` at once.
-    /// - When `make` receives a row, its slope is still unchanged: it holds what the caller passed or,
-    ///   from the second stage of a sequence on, the slope of the stage before. `state` may hold anything.
-    /// - An evaluation makes the rest of its own stage and, in a sequence, perhaps some rows of the next one.
-    ///   A row of the next stage is made only after the slope of the same row is complete.
-    /// - After the last stage of a sequence, `dydt` holds the slopes of that stage.
+    /// - `make` is called exactly once for every row. The parts may have any size and come in any order, and
+    ///   several threads may call `make` at once.
+    /// - When `make` receives a row, its slope still holds what the caller passed. `state` may hold anything.
     ///
     /// The caller guarantees:
     ///
     /// - `y` is the state for which `begin` was called, and all slices have its length.
-    /// - The stages of a sequence are evaluated in order, from 0 to the last. No other call comes in between,
-    ///   except `dissipation`. All arguments but `t` and `turn[0]` stay the same.
     /// - `make` writes every row of `state`. It may also change the rows of `vectors` and `slope` that it
-    ///   receives. What it computes depends on k, on these rows and on data that do not change during the
-    ///   sequence, but not on `t`.
-    /// - Between two stages of a sequence the caller uses neither `vectors` nor `dydt`: some rows may already
-    ///   belong to the next stage.
+    ///   receives. What it computes depends on these rows and on data that do not change meanwhile.
     fn rhs_of(
         &mut self,
         t: f64,
         y: &[f64],
-        turn: [usize; 2],
         vectors: [&mut [f64]; VECTORS],
         dydt: &mut [f64],
         make: &MakeStage,
@@ -185,7 +171,7 @@ pub trait Ivp {
                 &mut vector[range]
             });
             let (state, slope) = (&mut state[part.range()], &mut dydt[part.range()]);
-            make(turn[0], Stage { part, vectors: of_part, state, slope });
+            make(Stage { part, vectors: of_part, state, slope });
         }
         self.rhs(t, &state, dydt);
     }

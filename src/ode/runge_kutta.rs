@@ -177,7 +177,7 @@ impl Method for RungeKutta {
             let slopes = self.slopes(first, slope, stages);
             let is_result = table.first_same_as_last && s + 1 == table.stages();
             let weights = Weights::new(table.a[s], h);
-            let make = |_: usize, stage: Stage| {
+            let make = |stage: Stage| {
                 let Stage { part, vectors: [next, ..], state, slope: old } = stage;
                 let slopes = slopes.map(|slope| if slope.is_empty() { &*old } else { &slope[part.range()] });
                 weights.add_to(&y[part.range()], &slopes, state);
@@ -186,7 +186,7 @@ impl Method for RungeKutta {
                 }
             };
             let vectors = [&mut next[..], &mut [], &mut []];
-            ivp.rhs_of(step_start.t + table.c[s] * h, y, [0, 1], vectors, &mut new, &make);
+            ivp.rhs_of(step_start.t + table.c[s] * h, y, vectors, &mut new, &make);
             *vector_at(slot, slope, stages) = new;
             self.dissipation[s - 1] = ivp.dissipation();
         }

@@ -93,13 +93,13 @@ impl SpectralRadius {
         let (small, direction, y) = (ivp.small_length(), &mut step_start.direction, &step_start.y);
         let along = &*direction;
         let scale = small / length;
-        let make = |_: usize, stage: Stage| {
+        let make = |stage: Stage| {
             let range = stage.part.range();
             for ((number, y), along) in stage.state.iter_mut().zip(&y[range.clone()]).zip(&along[range]) {
                 *number = y + along * scale;
             }
         };
-        ivp.rhs_of(step_start.t, y, [0, 1], no_vectors(), &mut trial.slope, &make);
+        ivp.rhs_of(step_start.t, y, no_vectors(), &mut trial.slope, &make);
         let (slope, first) = (&trial.slope, &step_start.slope);
         let scale = 1.0 / small;
         threads::for_chunks(direction, 8 * GRAIN, |start, chunk| {

@@ -37,7 +37,7 @@ impl Method for Verlet {
         trial.evaluations = step_start.find_slope(ivp);
         let (y, first) = (&step_start.y, &step_start.slope);
         // The stage has the new positions and the velocities of the half step.
-        let make = |_: usize, stage: Stage| {
+        let make = |stage: Stage| {
             let Stage { part, vectors: [next, ..], state, .. } = stage;
             state.copy_from_slice(&y[part.range()]);
             part.kick(0.5 * h, &first[part.range()], state);
@@ -45,7 +45,7 @@ impl Method for Verlet {
             next.copy_from_slice(state);
         };
         let vectors = [&mut trial.next[..], &mut [], &mut []];
-        ivp.rhs_of(step_start.t + h, y, [0, 1], vectors, &mut trial.slope, &make);
+        ivp.rhs_of(step_start.t + h, y, vectors, &mut trial.slope, &make);
         trial.evaluations += 1;
         (trial.slope_known, trial.dissipation) = (true, ivp.dissipation());
         add_dissipation(&mut trial.dissipated, 0.5 * h, &step_start.dissipation);

@@ -135,8 +135,6 @@ pub struct Dynamics<'c> {
     audit: Audit,
     requests: Requests<'c>,
     fault_search: FaultSearch,
-    /// Whether the last evaluation has already begun the next stage: the exported bodies are there.
-    is_open: bool,
     /// A typical speed of the scene, m/s.
     velocity_scale: f64,
     /// Largest gap at which surfaces interact, m. Lists and ghosts always cover it.
@@ -194,7 +192,6 @@ impl<'c> Dynamics<'c> {
             audit: Audit::default(),
             requests: Requests::default(),
             fault_search: FaultSearch::Off,
-            is_open: false,
             velocity_scale,
             l_max,
             clocks: Clocks::default(),

@@ -30,7 +30,6 @@ impl Dynamics<'_> {
         &mut self,
         t: f64,
         y: &[f64],
-        [stage, stages]: [usize; 2],
         mut vectors: [&mut [f64]; VECTORS],
         dydt: &mut [f64],
         make: &MakeStage,
@@ -40,12 +39,9 @@ impl Dynamics<'_> {
         let free = self.free_path().powi(2);
         let (forces, width) = (&mut self.forces, self.layout.0[0].width);
         let Decomposition { comm, halo, .. } = &mut self.domain;
-        let maker = StageMaker { make, stage, origin: &self.motion.origin, free, start: y };
+        let maker = StageMaker { make, origin: &self.motion.origin, free, start: y };
         let mut waited = Duration::ZERO;
-        debug_assert!(!self.is_open || stage > 0, "stages of a turn come one after the other");
-        if !std::mem::take(&mut self.is_open) {
-            forces.begin_stage(maker, again(&mut vectors, width), dydt);
-        }
+        forces.begin_stage(maker, again(&mut vectors, width), dydt);
         if !halo.is_idle() {
             let clock = Instant::now();
             let mut inside = Duration::ZERO;
@@ -59,11 +55,7 @@ impl Dynamics<'_> {
             halo.deliver(forces.ghosts());
             waited = clock.elapsed().saturating_sub(inside);
         }
-        // Audits and the search for faults read all bodies after this stage: none may be at the next stage
-        // then.
-        self.is_open =
-            stage + 1 < stages && !self.audit.is_on && matches!(self.fault_search, FaultSearch::Off);
-        let (pairs, moved) = forces.finish_stage(maker, self.is_open, again(&mut vectors, width), dydt);
+        let (pairs, moved) = forces.finish_stage(maker, again(&mut vectors, width), dydt);
         self.tally.own_pairs += pairs;
         let before = self.motion.moved;
         self.motion.moved = [larger(before[0], moved[0]), larger(before[1], moved[1])];
@@ -99,28 +91,26 @@ impl Ivp for Dynamics<'_> {
     }
 
     fn begin(&mut self) {
-        debug_assert!(!self.is_open, "a turn ends with its last stage");
         self.motion.moved = [0.0; 2];
         self.forces.begin_step();
     }
 
     fn rhs(&mut self, t: f64, y: &[f64], dydt: &mut [f64]) {
-        let make = |_: usize, stage: Stage| stage.state.copy_from_slice(&y[stage.part.range()]);
+        let make = |stage: Stage| stage.state.copy_from_slice(&y[stage.part.range()]);
         // `y` may be any state: distances measured from the start of the step do not apply.
         self.forces.begin_step();
-        self.evaluate(t, y, [0, 1], no_vectors(), dydt, &make);
+        self.evaluate(t, y, no_vectors(), dydt, &make);
     }
 
     fn rhs_of(
         &mut self,
         t: f64,
         y: &[f64],
-        turn: [usize; 2],
         vectors: [&mut [f64]; VECTORS],
         dydt: &mut [f64],
         make: &MakeStage,
     ) {
-        self.evaluate(t, y, turn, vectors, dydt, make);
+        self.evaluate(t, y, vectors, dydt, make);
     }
 
     fn dissipation(&self) -> Dissipation {

@@ -221,13 +221,12 @@ fn after_a_move(comm: &dyn Comm, bodies: &[Body], way: &dyn Fn(u64) -> f64) -> (
     for (body, &id) in y.as_chunks_mut::<9>().0.iter_mut().zip(dynamics.ids()) {
         body[1] += way(id);
     }
-    // First as the second stage of a step, begun at the end of the first stage; then as a state of its own.
+    // First as the second stage of a step, then as a state of its own.
     dynamics.begin();
     let mut second = y.clone();
-    for stage in [0, 1] {
-        let stages = [&start, &y];
-        let make = |k: usize, stage: Stage| stage.state.copy_from_slice(&stages[k][stage.part.range()]);
-        dynamics.rhs_of(0.0, &start, [stage, 2], no_vectors(), &mut second, &make);
+    for state in [&start, &y] {
+        let make = |stage: Stage| stage.state.copy_from_slice(&state[stage.part.range()]);
+        dynamics.rhs_of(0.0, &start, no_vectors(), &mut second, &make);
     }
     let pairs = dynamics.own_pairs();
     dynamics.begin();

@@ -110,12 +110,8 @@ pub struct Forces {
     shares: Vec<f64>,
     /// The bodies of every block.
     block_bodies: Vec<BlockBodies>,
-    /// Outboxes of all blocks, in two sets that alternate from stage to stage.
-    ///
-    /// A block may start the next stage while other blocks still read its exported bodies of this one.
-    outboxes: [Vec<Vec<f64>>; 2],
-    /// Which of the two sets belongs to the current stage.
-    current: usize,
+    /// Outboxes of all blocks: copies of their exported bodies.
+    outboxes: Vec<Vec<f64>>,
     /// Ghosts of the rank: copies of the particles of other ranks that may touch owned ones.
     ghosts: Vec<f64>,
     /// Where to read each of the particles that other ranks need.
@@ -137,8 +133,7 @@ impl Forces {
             bounds: vec![0, 0],
             shares: Vec::new(),
             block_bodies: Vec::new(),
-            outboxes: [const { Vec::new() }; 2],
-            current: 0,
+            outboxes: Vec::new(),
             ghosts: Vec::new(),
             exports: Vec::new(),
             ahead: 0,
@@ -197,12 +192,10 @@ impl Forces {
         block_bodies.resize_with(blocks, BlockBodies::default);
         clear_for(ghosts, bodies.len() - *owned * width);
         ghosts.extend_from_slice(&bodies[*owned * width..]);
-        for outboxes in outboxes {
-            outboxes.resize_with(blocks, Vec::new);
-            for (block, outbox) in lists.blocks.iter().zip(outboxes) {
-                clear_for(outbox, block.exported.len() * width);
-                outbox.resize(block.exported.len() * width, 0.0);
-            }
+        outboxes.resize_with(blocks, Vec::new);
+        for (block, outbox) in lists.blocks.iter().zip(outboxes) {
+            clear_for(outbox, block.exported.len() * width);
+            outbox.resize(block.exported.len() * width, 0.0);
         }
         for (block, local) in lists.blocks.iter().zip(block_bodies) {
             local.distances = [0.0; 3];
@@ -265,11 +258,8 @@ impl Forces {
 
     /// Moves the owned bodies to `y`, in all blocks. The ghosts of the rank must be up to date.
     pub fn put(&mut self, y: &[f64]) {
-        let Forces {
-            kernel, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, width, ..
-        } = self;
+        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, ghosts, width, .. } = self;
         let (law, width) = (kernel.law(), *width);
-        let outboxes = &mut outboxes[*current];
         let own = ((&mut lists.blocks[..], &mut block_bodies[..]), &mut outboxes[..]);
         let put = |((blocks, block_bodies), outboxes): WithOutbox, ()| {
             let range = blocks[0].range.start * width..blocks[0].range.end * width;
@@ -289,7 +279,7 @@ impl Forces {
     pub fn export(&self, k: usize) -> &[f64] {
         let [outbox, slot] = self.exports[k];
         let start = slot as usize * self.width;
-        &self.outboxes[self.current][outbox as usize][start..start + self.width]
+        &self.outboxes[outbox as usize][start..start + self.width]
     }
 
     /// Current bodies of all owned particles, by local index.
@@ -408,8 +398,7 @@ impl Forces {
 
     /// Memory held, bytes.
     pub fn bytes(&self) -> usize {
-        let outboxes =
-            self.outboxes.iter().flatten().map(Vec::capacity).sum::<usize>() + self.ghosts.capacity();
+        let outboxes = self.outboxes.iter().map(Vec::capacity).sum::<usize>() + self.ghosts.capacity();
         self.lists.bytes()
             + self.block_bodies.iter().map(BlockBodies::bytes).sum::<usize>()
             + outboxes * size_of::<f64>()

@@ -53,8 +53,6 @@ const BATCHES: usize = 8;
 pub struct StageMaker<'a> {
     /// Writes the stage of consecutive particles to their bodies; see [`crate::ode::Ivp::rhs_of`].
     pub make: &'a MakeStage<'a>,
-    /// Number of the stage, which `make` gets.
-    pub stage: usize,
     /// Positions of the owned particles when the lists were built, m.
     pub origin: &'a [Vec3],
     /// Square of the distance from `origin` up to which the lists hold, m^2.
@@ -115,7 +113,7 @@ impl Field<'_> {
                 positions: POSITION.end,
             };
             let vectors = vectors.map(|rows| rows.numbers);
-            (maker.make)(maker.stage, Stage { part: made, vectors, state: bodies, slope: slopes });
+            (maker.make)(Stage { part: made, vectors, state: bodies, slope: slopes });
             let starts = &maker.start[made.range()];
             let way = self.kernel.start_stage(bodies, starts, slopes);
             let ends = (&*bodies, starts, width);
@@ -230,8 +228,8 @@ impl Forces {
     /// `vectors` and `dydt` belong to the owned particles, by local index. Without exports nothing is done
     /// here.
     pub fn begin_stage(&mut self, maker: StageMaker, vectors: Vectors, dydt: &mut [f64]) {
-        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, current, width, .. } = self;
-        let outboxes = &mut outboxes[*current][..];
+        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, width, .. } = self;
+        let outboxes = &mut outboxes[..];
         if outboxes.iter().all(Vec::is_empty) {
             return;
         }
@@ -272,41 +270,25 @@ impl Forces {
     /// Ends a right-hand side: makes the remaining bodies, adds pairs, and leaves accelerations in `dydt`,
     /// eqs. (2.13)-(2.15). The ghosts of the rank must have arrived.
     ///
-    /// With `begins_next` it then starts the next stage as `begin_stage` would, with the same `maker` and
-    /// `vectors`. The slopes of particles at both ends of a block are then already those of the next stage.
-    ///
     /// Returns the number of pairs within `l_max` whose first particle is owned by this rank. So over all
     /// ranks every pair counts once.
     ///
     /// Also returns two largest squared distances of owned bodies, m^2: from their positions when the lists
     /// were built, and from those at the start of the step. The first is 0 if it is certainly not beyond
     /// `free`.
-    pub fn finish_stage(
-        &mut self,
-        maker: StageMaker,
-        begins_next: bool,
-        vectors: Vectors,
-        dydt: &mut [f64],
-    ) -> (u64, [f64; 2]) {
+    pub fn finish_stage(&mut self, maker: StageMaker, vectors: Vectors, dydt: &mut [f64]) -> (u64, [f64; 2]) {
         let ahead = std::mem::take(&mut self.ahead);
-        let Forces {
-            kernel, parameters, lists, bounds, block_bodies, outboxes, current, ghosts, width, ..
-        } = self;
+        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, ghosts, width, .. } = self;
         let (field, law) = (Field::new(&**kernel, parameters), kernel.law());
-        let [even, odd] = outboxes;
-        let (outboxes, next_outboxes) = if *current == 0 { (even, odd) } else { (odd, even) };
-        let begins_next = begins_next && !outboxes.iter().all(Vec::is_empty);
         let (outboxes, ghosts) = (&outboxes[..], &ghosts[..]);
-        let work = move |((blocks, block_bodies), next_outboxes): WithOutbox, (slopes, items): Items| {
+        let work = move |(blocks, block_bodies): BlockParts, (slopes, items): Items| {
             fail_point!("worker");
             let (block, local) = (&mut blocks[0], &mut block_bodies[0]);
             let (slopes, width) = (slopes.numbers, local.width);
             local.import_ghosts(block, outboxes, ghosts);
             let (own, Range { start, end }) = (block.range.len(), block.interior.clone());
             let mut placed = end.min(start + ahead);
-            let (front, items) = items.cut(start);
-            let (items, back) = items.cut(end - start);
-            let mut items = items.cut(placed - start).1;
+            let mut items = items.cut(placed).1.cut(end - placed).0;
             let mut pairs = Pairs::default();
             loop {
                 // Bodies behind the interior were made before: once it is complete, all own bodies are there.
@@ -331,22 +313,12 @@ impl Forces {
                 pairs = Pairs::default();
                 pairs.sum_ready(own, &field, (block, local), slopes);
             }
-            if begins_next {
-                let next = StageMaker { stage: maker.stage + 1, ..maker };
-                let (first, rest) = slopes.split_at_mut(start * width);
-                let last = &mut rest[(end - start) * width..];
-                let ends = [(first, front), (last, back)];
-                let ends = ends.map(|(slopes, vectors)| (Rows::new(slopes, width), vectors));
-                field.export(next, (block, local), &mut next_outboxes[0], ends);
-            }
             (pairs.count, [from_origin, from_start])
         };
         let both = |a: (u64, [f64; 2]), b: (u64, [f64; 2])| {
             (a.0 + b.0, [larger(a.1[0], b.1[0]), larger(a.1[1], b.1[1])])
         };
-        let own = ((&mut lists.blocks[..], &mut block_bodies[..]), &mut next_outboxes[..]);
-        let found = each_block(bounds, own, (Rows::new(dydt, *width), vectors), &work, &both);
-        *current ^= usize::from(begins_next);
-        found
+        let own = (&mut lists.blocks[..], &mut block_bodies[..]);
+        each_block(bounds, own, (Rows::new(dydt, *width), vectors), &work, &both)
     }
 }
