@@ -28,7 +28,7 @@ fn count_allocations(mut simulation: Simulation, audited: bool, ranks: usize) {
     let mut methods: Vec<Box<dyn Method>> = vec![
         Box::new(RungeKutta::new(&MERSON)),
         Box::new(RungeKutta::new(&DORMAND_PRINCE)),
-        Box::<Chebyshev>::default(),
+        Box::new(Chebyshev::new(false)),
         Box::new(Verlet),
     ];
     let mut trial = TrialStep::default();

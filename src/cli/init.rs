@@ -35,7 +35,7 @@ pub fn write(path: &Path, force: bool) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Scene, Stop, schema};
+    use crate::scene::{DEFAULT_DAMPING, DEFAULT_STIFFNESS_RATIO, Scene, Stop, schema};
 
     /// The scene with all keys that are behind `#`. Sentences have a blank after the `#` and stay comments.
     fn with_all_keys() -> String {
@@ -59,6 +59,10 @@ mod tests {
         spelt_out.container.wall.clear();
         // These values are computed if they are left out.
         (spelt_out.solver.velocity_scale, spelt_out.solver.neglected_force) = (None, None);
+        let friction = spelt_out.friction.as_mut().unwrap();
+        assert_eq!(friction.stiffness_ratio.take(), Some(DEFAULT_STIFFNESS_RATIO));
+        assert_eq!(friction.damping.take(), Some(DEFAULT_DAMPING));
+        friction.regularization_velocity = None;
         assert_eq!(spelt_out, scene);
     }
 

@@ -77,16 +77,20 @@ pub fn scramble(id: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Sends each particle to the rank that owns its height. Collective.
+/// The ranks that own the heights of the particles in `state`, by index.
+pub fn owners(slabs: &Slabs, state: &Table) -> Vec<usize> {
+    let count = state.numbers.len() / state.width;
+    (0..count).map(|i| slabs.owner(slabs.height(&position(state.row(i))))).collect()
+}
+
+/// Sends particle i to the rank `owners[i]`, for all i. Collective.
 ///
-/// `ids` and `tables` are those of the owned particles. The first table is the state, whose positions decide;
-/// the others move along. Particles that arrive are appended; the caller sorts them.
-pub fn migrate(comm: &dyn Comm, slabs: &Slabs, ids: &mut Vec<u64>, tables: &mut [Table]) {
+/// `ids` and `tables` are those of the owned particles. Particles that arrive are appended; the caller sorts
+/// them.
+pub fn migrate(comm: &dyn Comm, owners: &[usize], ids: &mut Vec<u64>, tables: &mut [Table]) {
     if comm.size() == 1 {
         return;
     }
-    let owner = |i: usize| slabs.owner(slabs.height(&position(tables[0].row(i))));
-    let owners: Vec<usize> = (0..ids.len()).map(owner).collect();
     let width = 1 + tables.iter().map(|table| table.width).sum::<usize>();
     let mut counts = vec![0; comm.size()];
     owners.iter().filter(|&&q| q != comm.rank()).for_each(|&q| counts[q] += width as u64);
@@ -158,7 +162,8 @@ mod tests {
                 let mut twins: Vec<f64> = ids.iter().flat_map(|&id| [id as f64, 0.25]).collect();
                 let mut tables =
                     [Table { numbers: &mut y, width: 6 }, Table { numbers: &mut twins, width: 2 }];
-                migrate(comm, &slabs, &mut ids, &mut tables);
+                let owners = owners(&slabs, &tables[0]);
+                migrate(comm, &owners, &mut ids, &mut tables);
                 assert_eq!(census.check(comm, &ids, 0.0), Ok(()));
                 sort(|_, id| id, &mut ids, &mut tables);
                 assert!(ids.is_sorted());

@@ -172,6 +172,14 @@ pub struct Block {
     pub walls: Vec<[u32; 2]>,
     /// Those of `walls` that can come within `l_max` before a particle has moved by half the inner skin.
     pub near_walls: Vec<[u32; 2]>,
+    /// The rows of the memories of `pairs`, in order. Empty where contacts have no memory.
+    pub pair_rows: Vec<u32>,
+    /// Those of `near`.
+    pub near_rows: Vec<u32>,
+    /// Those of `walls`.
+    pub wall_rows: Vec<u32>,
+    /// Those of `near_walls`.
+    pub near_wall_rows: Vec<u32>,
 }
 
 impl Block {
@@ -208,6 +216,9 @@ impl Block {
         // A distance that is NaN must not count as far: the fault has to show in the forces.
         let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&x[i as usize]) > wall_cutoff;
         self.near_walls.extend(self.walls.iter().copied().filter(|contact| !far(contact)));
+        self.near_wall_rows.clear();
+        let wall_rows = self.walls.iter().zip(&self.wall_rows).filter(|(contact, _)| !far(contact));
+        self.near_wall_rows.extend(wall_rows.map(|(_, row)| row));
         // Without a branch: every pair is written, and the next one overwrites it if it is far.
         self.near.resize(self.pairs.len(), [0; 2]);
         let mut kept = 0;
@@ -219,6 +230,14 @@ impl Block {
             kept += usize::from(!far);
         }
         self.near.truncate(kept);
+        self.near_rows.clear();
+        if !self.pair_rows.is_empty() {
+            self.near_rows.reserve(self.pairs.len());
+            // Near pairs are in the order of the listed ones.
+            let mut listed = self.pairs.iter().zip(&self.pair_rows);
+            let row = |near| listed.find(|(pair, _)| *pair == near).map_or(u32::MAX, |(_, &row)| row);
+            self.near_rows.extend(self.near.iter().map(row));
+        }
         self.horizon.clear();
         // Enough for the case that all pairs are near. Near pairs are also picked within steps, where nothing
         // may be allocated.
@@ -232,7 +251,16 @@ impl Block {
 
     fn bytes(&self) -> usize {
         let lists = [&self.pairs, &self.near, &self.walls, &self.near_walls].map(Vec::capacity);
-        let singles = self.horizon.capacity() + self.ghosts.capacity() + self.exported.capacity();
+        let singles = [
+            &self.horizon,
+            &self.ghosts,
+            &self.exported,
+            &self.pair_rows,
+            &self.near_rows,
+            &self.wall_rows,
+            &self.near_wall_rows,
+        ];
+        let singles = singles.map(Vec::capacity).iter().sum::<usize>();
         lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + singles * size_of::<u32>()
     }
 }

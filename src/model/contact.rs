@@ -10,6 +10,7 @@ use crate::math::elementary::{
     Arithmetic, Separate, at_least, at_most, exp, exp_within, inverse, inverse_root,
 };
 use crate::math::vector::{Vec3, add_cross, add_scaled, cross, dot, scaled};
+use crate::model::history::{History, MemoryParameters, Partner, Response, Touch};
 
 /// Force and torque of a contact on particle i.
 ///
@@ -124,11 +125,29 @@ pub trait Tangential: Copy + Send + Sync + 'static {
     const RUBS: bool;
     /// Whether friction turns the spheres; if not, spins do not count.
     const TURNS: bool;
+    /// Whether contacts have a memory. Then `respond` is the law, and `friction` that of a memory of 0.
+    const REMEMBERS: bool = false;
 
     /// Friction (N) at the given `slip` (m/s), eqs. (2.6) and (2.9).
     ///
     /// `repulsion` (N) is the full F of eq. (2.1), not reduced by the rebound function.
     fn friction<A: Arithmetic>(&self, repulsion: f64, slip: &Vec3) -> Vec3;
+
+    /// Friction with memory of one contact. It is called only where contacts have a memory.
+    fn respond<A: Arithmetic, R: Rebound>(
+        &self,
+        _law: &LawParameters,
+        _rebound: &R,
+        _partner: Partner,
+        _touch: Touch,
+    ) -> Response {
+        Response::none()
+    }
+
+    /// Twice the energy that a memory of length 1 stores, J.
+    fn stiffness(&self) -> f64 {
+        0.0
+    }
 }
 
 /// No friction: the basic variant.
@@ -211,13 +230,55 @@ impl Tangential for Coulomb {
 #[derive(Debug, Clone, Copy)]
 pub struct Turning<T>(pub T);
 
+impl Tangential for History {
+    const RUBS: bool = true;
+    const TURNS: bool = false;
+    const REMEMBERS: bool = true;
+
+    #[inline(always)]
+    fn friction<A: Arithmetic>(&self, repulsion: f64, slip: &Vec3) -> Vec3 {
+        self.without_memory::<A>(repulsion, slip)
+    }
+
+    #[inline(always)]
+    fn respond<A: Arithmetic, R: Rebound>(
+        &self,
+        law: &LawParameters,
+        rebound: &R,
+        partner: Partner,
+        touch: Touch,
+    ) -> Response {
+        self.action::<A, R>(law, rebound, partner, touch)
+    }
+
+    fn stiffness(&self) -> f64 {
+        self.energy_scale()
+    }
+}
+
 impl<T: Tangential> Tangential for Turning<T> {
     const RUBS: bool = T::RUBS;
     const TURNS: bool = true;
+    const REMEMBERS: bool = T::REMEMBERS;
 
     #[inline(always)]
     fn friction<A: Arithmetic>(&self, repulsion: f64, slip: &Vec3) -> Vec3 {
         self.0.friction::<A>(repulsion, slip)
+    }
+
+    #[inline(always)]
+    fn respond<A: Arithmetic, R: Rebound>(
+        &self,
+        law: &LawParameters,
+        rebound: &R,
+        partner: Partner,
+        touch: Touch,
+    ) -> Response {
+        self.0.respond::<A, R>(law, rebound, partner, touch)
+    }
+
+    fn stiffness(&self) -> f64 {
+        self.0.stiffness()
     }
 }
 
@@ -230,7 +291,7 @@ impl<T: Tangential> Tangential for Turning<T> {
 /// use demhybrid::model::contact::LawParameters;
 ///
 /// let parameters = LawParameters {
-///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01,
+///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01, memory: None,
 /// };
 /// assert_eq!(parameters.repulsion::<Separate>(0.0), 10.0); // N, where surfaces just touch
 /// let one_e_fold_away = parameters.repulsion::<Separate>(1.0 / 150.0);
@@ -250,10 +311,12 @@ pub struct LawParameters {
     pub e: f64,
     /// Focusing coefficient of the dissipation psi, s/m.
     pub psi: f64,
-    /// Friction coefficient phi; 0 without friction.
+    /// Friction coefficient: phi of the paper, or mu of friction with memory; 0 without friction.
     pub phi: f64,
-    /// Speed from which friction has its full strength v_min, m/s.
+    /// Speed from which friction has its full strength v_min, m/s. Friction with memory does not use it.
     pub v_min: f64,
+    /// What friction with memory needs; none for the paper's friction.
+    pub memory: Option<MemoryParameters>,
 }
 
 impl LawParameters {
@@ -274,7 +337,7 @@ impl LawParameters {
 /// use demhybrid::model::contact::{Coulomb, Dissipative, Law, LawParameters, Turning};
 ///
 /// let parameters = LawParameters {
-///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01,
+///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01, memory: None,
 /// };
 /// let tangential = Turning(Coulomb::new(parameters.phi, parameters.v_min));
 /// let law = Law { parameters, rebound: Dissipative::new(parameters.e, parameters.psi), tangential };
@@ -326,6 +389,12 @@ impl<R: Rebound, T: Tangential> Law<R, T> {
         Action { force: add_scaled::<A>(normal, n, &friction), turning }
     }
 
+    /// Force, torque and rate of the memory of one contact, for friction with memory.
+    #[inline(always)]
+    pub fn respond<A: Arithmetic>(&self, partner: Partner, touch: Touch) -> Response {
+        self.tangential.respond::<A, R>(&self.parameters, &self.rebound, partner, touch)
+    }
+
     /// Slip: velocity of the surface of i at the contact relative to its partner's surface, m/s, eqs. (2.7)
     /// and (2.10).
     ///
@@ -373,7 +442,7 @@ impl AtRest {
 /// use demhybrid::model::contact::{Coulomb, Elastic, Law, LawParameters};
 ///
 /// let parameters = LawParameters {
-///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01,
+///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01, memory: None,
 /// };
 /// let law = Law { parameters, rebound: Elastic, tangential: Coulomb::new(0.2, 0.01) };
 /// let energies = law.energies();
@@ -385,7 +454,8 @@ impl AtRest {
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Energies<'a, R, T> {
-    law: &'a Law<R, T>,
+    /// The law.
+    pub law: &'a Law<R, T>,
     /// What contacts at rest store.
     pub at_rest: AtRest,
 }
@@ -435,6 +505,7 @@ mod tests {
             psi: 10.0,
             phi: 0.2,
             v_min: 0.01,
+            memory: None,
         };
         Law { parameters, rebound: Dissipative::new(0.4, 10.0), tangential }
     }

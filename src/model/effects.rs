@@ -1,5 +1,23 @@
 //! The effects of a scene: which of the paper's variants, with or without dissipation on rebound.
 
+use serde::{Deserialize, Serialize};
+
+/// The laws of friction, as `friction.law` names them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FrictionLaw {
+    /// The paper's, eqs. (2.6) and (2.8): regularised, without memory.
+    #[default]
+    Regularized,
+    /// With memory of the shear, see [`crate::model::history`].
+    History,
+}
+
+impl FrictionLaw {
+    /// The names of all laws.
+    pub const NAMES: &[&str] = &["regularized", "history"];
+}
+
 /// The paper's three variants: with or without friction, with or without rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {

@@ -115,6 +115,36 @@ pub struct StepControl {
     pub before: Option<f64>,
     /// Whether the error of the last trial was too large.
     pub rejected: bool,
+    /// Steps longer than this do not follow the fastest oscillations of the problem, s; infinite if there are
+    /// none.
+    pub long: f64,
+    /// Lowest error over tolerance in a sequence of long steps; none outside of one.
+    pub lowest: Option<f64>,
+}
+
+/// Errors over tolerance of long steps are not told apart below this: rounding is no sign of instability.
+const LEAST_LOW: f64 = 1e-10;
+
+/// The factor for the step after a long one, and what decided it. `wanted` is what its `error` over tolerance
+/// alone would give.
+///
+/// A long step does not follow the fastest oscillations. Nothing shows that they are stable but that they fade.
+/// So a long step grows where its error is the lowest so far. It shrinks where it is not, and more where it is
+/// three times the lowest. So what comes to rest stays at rest, with steps as long as the method allows.
+fn long_step(lowest: &mut Option<f64>, error: f64, wanted: (f64, Limit)) -> (f64, Limit) {
+    let error = error.max(LEAST_LOW);
+    let before = lowest.unwrap_or(f64::INFINITY);
+    let most = if error <= before {
+        1.1
+    } else if error <= 3.0 * before {
+        0.97
+    } else {
+        0.7
+    };
+    if error <= before || error > 3.0 * before {
+        *lowest = Some(error);
+    }
+    if wanted.0 > most { (most, Limit::Stability) } else { wanted }
 }
 
 /// Largest factor by which a step may grow.
@@ -127,7 +157,16 @@ const SHRINKAGE: f64 = 0.1;
 impl StepControl {
     /// A step control before the first step.
     pub fn new(rule: StepRule, tolerance: f64, min_step: f64, max_step: f64) -> Self {
-        StepControl { rule, tolerance, min_step, max_step, before: None, rejected: false }
+        StepControl {
+            rule,
+            tolerance,
+            min_step,
+            max_step,
+            before: None,
+            rejected: false,
+            long: f64::INFINITY,
+            lowest: None,
+        }
     }
 
     /// Decides on a step of size `h` (s) with the given error, and proposes the next size.
@@ -146,6 +185,14 @@ impl StepControl {
             StepRule::Published if error == 0.0 => (2.0, Limit::Growth),
             StepRule::Published => bounded(0.8 * (self.tolerance / error).powf(1.0 / order), GROWTH),
             StepRule::ProportionalIntegral => self.proportional_integral(error / self.tolerance, met, order),
+        };
+        let (factor, limit) = if h <= self.long {
+            self.lowest = None;
+            (factor, limit)
+        } else if met {
+            long_step(&mut self.lowest, error / self.tolerance, (factor, limit))
+        } else {
+            (factor, limit)
         };
         if met || forced {
             self.before = Some((error / self.tolerance).max(LEAST_ERROR));
@@ -262,5 +309,31 @@ mod tests {
         let mut control = StepControl::new(StepRule::Fixed, 1.0, 1e-5, 1e-5);
         let decision = control.judge(1e-5, 0.0, 2.0);
         assert_eq!((decision.accept, decision.next, decision.limit), (true, 1e-5, Limit::Maximum));
+    }
+
+    #[test]
+    fn long_steps_grow_while_errors_fall_and_shrink_else() {
+        let mut control = StepControl { long: 1e-2, ..control(StepRule::ProportionalIntegral) };
+        let mut factor = |h: f64, error: f64| {
+            let Decision { next, limit, .. } = control.judge(h, error, 3.0);
+            (next / h, limit)
+        };
+        let is = |found: (f64, Limit), expected: f64| {
+            assert!((found.0 - expected).abs() < 1e-12 && found.1 == Limit::Stability, "{found:?}");
+        };
+        is(factor(2e-2, 1e-4), 1.1);
+        is(factor(2e-2, 0.5e-4), 1.1);
+        is(factor(2e-2, 1e-4), 0.97);
+        is(factor(2e-2, 2e-4), 0.7);
+        // Now that error is the lowest.
+        is(factor(2e-2, 1.9e-4), 1.1);
+        // Rounding is no motion.
+        is(factor(2e-2, 1e-14), 1.1);
+        is(factor(2e-2, 9e-12), 1.1);
+        // A short step follows its error, and forgets what was.
+        assert_ne!(factor(1e-2, 1e-4).1, Limit::Stability);
+        is(factor(2e-2, 1e-3), 1.1);
+        // What the error forbids stays forbidden.
+        assert_eq!(factor(2e-2, 0.09).1, Limit::Error);
     }
 }

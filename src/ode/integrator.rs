@@ -16,6 +16,8 @@ pub struct AutoPlan {
     pub reason: &'static str,
     /// Whether the problem is damped. If not, the stabilised method is never used.
     pub is_damped: bool,
+    /// Whether the stabilised method should damp oscillations.
+    pub oscillates: bool,
 }
 
 /// Takes steps with one active method at a time.
@@ -26,7 +28,7 @@ pub struct AutoPlan {
 /// use demhybrid::ode::integrator::{AutoPlan, Integrator};
 /// use demhybrid::ode::{MERSON, MethodName};
 ///
-/// let plan = AutoPlan { explicit: &MERSON, reason: "the motion is rough", is_damped: true };
+/// let plan = AutoPlan { explicit: &MERSON, reason: "the motion is rough", is_damped: true, oscillates: false };
 /// let auto = Integrator::new(MethodName::Auto, plan);
 /// assert!(!auto.is_stabilised()); // not before the stiffness is known
 /// assert!(auto.report().contains("merson"));
@@ -56,16 +58,17 @@ impl Integrator {
     /// An integrator with the method `name`. `auto` says how the method of that name starts.
     pub fn new(name: MethodName, auto: AutoPlan) -> Self {
         let table = |table| Box::new(RungeKutta::new(table)) as Box<dyn Method>;
+        let stabilised = || Box::new(Chebyshev::new(auto.oscillates)) as Box<dyn Method>;
         let fixed = |active| Integrator { active, resting: None, stable: None, spent: 0 };
         match name {
             MethodName::Merson => fixed(table(&MERSON)),
             MethodName::DormandPrince => fixed(table(&DORMAND_PRINCE)),
             MethodName::VelocityVerlet => fixed(Box::new(Verlet)),
-            MethodName::Chebyshev => fixed(Box::<Chebyshev>::default()),
+            MethodName::Chebyshev => fixed(stabilised()),
             MethodName::Auto => {
                 let switch = MethodSwitch::new(auto.explicit, auto.reason);
                 let switch = if auto.is_damped { switch } else { switch.forever() };
-                let resting = Some((Box::<Chebyshev>::default() as Box<dyn Method>, switch));
+                let resting = Some((stabilised(), switch));
                 Integrator { active: table(auto.explicit), resting, stable: None, spent: 0 }
             }
         }

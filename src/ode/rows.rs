@@ -192,6 +192,7 @@ impl Norm {
         assert_eq!(weights.len(), part.width, "every column of the segment has a weight");
         match weights.len() {
             // The usual widths, which the compiler then knows.
+            3 => largest::<3>(weights, part, value),
             6 => largest::<6>(weights, part, value),
             9 => largest::<9>(weights, part, value),
             width => {

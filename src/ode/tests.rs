@@ -114,7 +114,7 @@ fn every_method_has_its_order() {
         observed_order(|| Box::new(RungeKutta::new(&DORMAND_PRINCE)), smooth, 20),
         5.0,
     );
-    assert_order("chebyshev", observed_order(|| Box::<Chebyshev>::default(), smooth, 50), 2.0);
+    assert_order("chebyshev", observed_order(|| Box::new(Chebyshev::new(false)), smooth, 50), 2.0);
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn chebyshev_keeps_its_order_with_many_stages() {
     // The number of stages follows from a stiffness of 2000, in a direction that decays at once.
     let stiff: Solve = |t, p| -2000.0 * (p.v - t.cos()) - t.sin();
     let exact = |steps: u32| {
-        let (end, evaluations) = integrate(&mut Chebyshev::default(), stiff, steps);
+        let (end, evaluations) = integrate(&mut Chebyshev::new(false), stiff, steps);
         (end, evaluations)
     };
     let ((coarse, few), (middle, _), (fine, _)) = (exact(100), exact(200), exact(400));
@@ -139,11 +139,11 @@ fn chebyshev_keeps_its_order_with_many_stages() {
 }
 
 /// Growth factor of a step of `s` stages for y' = lambda y with h lambda = z, a complex number.
-fn chebyshev_growth(s: usize, z: Vector2<f64>) -> f64 {
+fn chebyshev_growth(s: usize, damping: f64, z: Vector2<f64>) -> f64 {
     let times = |a: Vector2<f64>, b: Vector2<f64>| Vector2::new(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x);
     let (one, mut older, mut last) = (Vector2::new(1.0, 0.0), Vector2::zeros(), Vector2::zeros());
     let mut table = Vec::new();
-    chebyshev::tabulate(s, &mut table);
+    chebyshev::tabulate(s, damping, &mut table);
     for (j, row) in table.into_iter().enumerate() {
         let change = if j == 0 {
             times(z, one) * row.mu_slope
@@ -156,20 +156,41 @@ fn chebyshev_growth(s: usize, z: Vector2<f64>) -> f64 {
 }
 
 #[test]
+fn strong_damping_holds_oscillations() {
+    use chebyshev::{STRONG_DAMPING, STRONG_INTERVAL};
+    let grows = |s: usize, r: f64, degrees: f64| {
+        let angle = degrees.to_radians();
+        chebyshev_growth(s, STRONG_DAMPING, Vector2::new(-r * angle.cos(), r * angle.sin())) > 1.0 + 1e-12
+    };
+    for s in [9, 20, 100, 1000] {
+        let end = STRONG_INTERVAL * ((s * s) as f64 - 1.0);
+        assert!((1..=1000).all(|k| !grows(s, end * f64::from(k) / 1000.0, 0.0)), "{s} stages");
+    }
+    // Larger than with the usual damping, where 3.2 and 2.4 are the ends.
+    for (degrees, end) in [(60.0, 4.3), (66.0, 3.75), (75.0, 2.95)] {
+        for s in [10, 20, 100] {
+            let first = (1..1000).map(|k| 0.01 * f64::from(k)).find(|&r| grows(s, r, degrees)).unwrap();
+            assert!((end - 0.15..end + 0.8).contains(&first), "{s} stages at {degrees} degrees: {first}");
+        }
+    }
+}
+
+#[test]
 fn the_stabilised_method_is_stable_along_the_real_axis_as_far_as_it_says() {
     for s in [2, 3, 5, 10, 50, 200, chebyshev::MOST_STAGES] {
         let edge = chebyshev::real_stability(s);
-        let inside =
-            (1..=2000).map(|k| chebyshev_growth(s, Vector2::new(-edge * f64::from(k) / 2000.0, 0.0)));
+        let inside = (1..=2000).map(|k| {
+            chebyshev_growth(s, chebyshev::DAMPING, Vector2::new(-edge * f64::from(k) / 2000.0, 0.0))
+        });
         let worst = inside.fold(0.0, f64::max);
         assert!(worst <= 1.0, "{s} stages: {worst} inside {edge}");
         // With few stages, or an odd number of them, the stable interval is a little longer.
         let margin = if s < 10 { 1.3 } else { 1.06 };
-        let beyond = chebyshev_growth(s, Vector2::new(-margin * edge, 0.0));
+        let beyond = chebyshev_growth(s, chebyshev::DAMPING, Vector2::new(-margin * edge, 0.0));
         assert!(beyond > 1.0, "{s} stages: {beyond} beyond the edge");
         // In the middle the factor is at most 1 - epsilon/3, or slightly more with few stages.
         if s >= 5 {
-            let middle = chebyshev_growth(s, Vector2::new(-0.5 * edge, 0.0));
+            let middle = chebyshev_growth(s, chebyshev::DAMPING, Vector2::new(-0.5 * edge, 0.0));
             assert!(middle < 1.0 - chebyshev::DAMPING / 4.0, "{s} stages: {middle}");
         }
     }
@@ -182,13 +203,13 @@ fn the_stabilised_method_is_stable_for_damped_waves() {
         // Half the width of the strip around the real axis in which waves decay, away from its ends.
         let stable = |width: f64| {
             let along = |k: i32| Vector2::new(-1.0 - 0.95 * (edge - 1.0) * f64::from(k) / 4000.0, width);
-            (0..=4000).all(|k| chebyshev_growth(s, along(k)) <= 1.0)
+            (0..=4000).all(|k| chebyshev_growth(s, chebyshev::DAMPING, along(k)) <= 1.0)
         };
         let width = (1..400).map(|k| f64::from(k) / 100.0).take_while(|&width| stable(width)).last();
         println!("{s} stages: waves with |Im(h lambda)| up to {width:?} decay");
         assert!(width.is_some_and(|width| width >= if s < 10 { 0.45 } else { 1.0 }), "{s} stages: {width:?}");
         // Without damping a wave grows: the method is not meant for such a problem.
-        assert!(chebyshev_growth(s, Vector2::new(0.0, 2.0)) > 1.0);
+        assert!(chebyshev_growth(s, chebyshev::DAMPING, Vector2::new(0.0, 2.0)) > 1.0);
     }
 }
 
@@ -239,7 +260,7 @@ fn first_same_as_last_and_rejected_trials_save_right_hand_sides() {
 fn the_inside_of_a_step_joins_its_ends_smoothly() {
     let methods: [(Any, f64); 3] = [
         (Box::new(RungeKutta::new(&DORMAND_PRINCE)), 1e-9),
-        (Box::<Chebyshev>::default(), 1e-4),
+        (Box::new(Chebyshev::new(false)), 1e-4),
         (Box::new(Verlet), 1e-4),
     ];
     for (mut method, tolerance) in methods {
@@ -308,7 +329,7 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
     let methods: [(Any, f64); 4] = [
         (Box::new(RungeKutta::new(&MERSON)), 1e-7),
         (Box::new(RungeKutta::new(&DORMAND_PRINCE)), 1e-8),
-        (Box::<Chebyshev>::default(), 1e-3),
+        (Box::new(Chebyshev::new(false)), 1e-3),
         (Box::new(Verlet), 5e-2),
     ];
     for (mut method, tolerance) in methods {
@@ -412,7 +433,7 @@ fn a_second_segment_is_integrated_with_the_order_of_the_method() {
     let methods: [(Make, u32, f64); 4] = [
         (|| Box::new(RungeKutta::new(&MERSON)), 10, 4.0),
         (|| Box::new(RungeKutta::new(&DORMAND_PRINCE)), 10, 5.0),
-        (|| Box::<Chebyshev>::default(), 20, 2.0),
+        (|| Box::new(Chebyshev::new(false)), 20, 2.0),
         (|| Box::new(Verlet), 100, 1.0),
     ];
     let mut ends = Vec::new();

@@ -7,6 +7,7 @@ use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
 use super::{BoxSides, Checkpoint, Container, Grid, Scene, Stop};
 use crate::error::Error;
+use crate::model::effects::FrictionLaw;
 use crate::ode::MethodName;
 
 /// Largest number of frames that a run may write.
@@ -339,8 +340,22 @@ fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
     Err(source.error(source.value(key), &message))
 }
 
+/// Checks that the paper's friction has the velocity that it needs.
+fn friction(source: &Source, scene: &Scene) -> Result<(), Error> {
+    let Some(friction) = &scene.friction else { return Ok(()) };
+    if friction.law == FrictionLaw::History || friction.regularization_velocity.is_some() {
+        return Ok(());
+    }
+    let key = keys::of_table("friction").find(|key| key.name() == "regularization_velocity");
+    let help = key.map(Key::help).unwrap_or_default();
+    let message =
+        format!("friction.regularization_velocity is missing: {help}; law = \"history\" needs none");
+    Err(source.error(source.value("friction"), &message))
+}
+
 fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
     fixed_step(source, scene)?;
+    friction(source, scene)?;
     let solver = &scene.solver;
     let f_0 = scene.contact.repulsion_at_contact;
     if let Some(force) = solver.neglected_force.filter(|&force| force >= f_0) {

@@ -1,8 +1,9 @@
 //! Which effects a scene needs, and why. They are chosen once, before anything is computed.
 
 use crate::model::contact::{Dissipative, Frictionless, Law, LawParameters};
-use crate::model::effects::{Effects, Variant};
-use crate::scene::Scene;
+use crate::model::effects::{Effects, FrictionLaw, Variant};
+use crate::model::history::MemoryParameters;
+use crate::scene::{DEFAULT_DAMPING, DEFAULT_STIFFNESS_RATIO, Scene};
 
 impl Effects {
     /// The effects of `scene`. An effect that could not change the result is left out.
@@ -33,6 +34,13 @@ impl Effects {
             }
             Some(f) => format!("friction   on   friction.coefficient = {}", f.coefficient),
         };
+        let memory = match &scene.friction {
+            Some(f) if f.coefficient > 0.0 && f.law == FrictionLaw::History => {
+                "memory     on   friction.law = \"history\": contacts know how far they have been sheared"
+            }
+            Some(f) if f.coefficient > 0.0 => "memory     off  friction.law = \"regularized\"",
+            _ => "memory     off  without friction there is nothing to remember",
+        };
         let rotation = match &scene.friction {
             Some(f) if f.coefficient > 0.0 && f.rotation => "rotation   on   friction.rotation = true",
             Some(f) if f.coefficient > 0.0 => "rotation   off  friction.rotation = false",
@@ -43,14 +51,16 @@ impl Effects {
         } else {
             format!("gravity    on   gravity = {:?}", scene.gravity)
         };
-        vec![rebound, friction, rotation.into(), gravity]
+        vec![rebound, friction, memory.into(), rotation.into(), gravity]
     }
 }
 
 /// The numbers of the scene's contact law.
 pub fn law(scene: &Scene) -> LawParameters {
+    let friction = scene.friction.as_ref();
     let (phi, v_min) =
-        scene.friction.as_ref().map_or((0.0, 1.0), |f| (f.coefficient, f.regularization_velocity));
+        friction.map_or((0.0, 1.0), |f| (f.coefficient, f.regularization_velocity.unwrap_or(1.0)));
+    let remembers = friction.filter(|f| f.law == FrictionLaw::History && f.coefficient > 0.0);
     LawParameters {
         r: scene.particles.radius,
         f_0: scene.contact.repulsion_at_contact,
@@ -60,6 +70,11 @@ pub fn law(scene: &Scene) -> LawParameters {
         psi: scene.contact.dissipation_focusing,
         phi,
         v_min,
+        memory: remembers.map(|f| MemoryParameters {
+            stiffness_ratio: f.stiffness_ratio.unwrap_or(DEFAULT_STIFFNESS_RATIO),
+            damping: f.damping.unwrap_or(DEFAULT_DAMPING),
+            mass: scene.particles.mass,
+        }),
     }
 }
 

@@ -1,5 +1,6 @@
 //! The list of all keys of a scene, with type, range, unit and a typical value. Messages quote it.
 
+use crate::model::effects::FrictionLaw;
 use crate::ode::{MethodName, NormName};
 use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word};
 use Range::{Finite, NotNegative, Positive, PositiveOrInfinite, Share};
@@ -115,9 +116,14 @@ pub(super) const KEYS: &[Key] = &[
     required("contact.interaction_distance", Number(Positive),
              "the gap l_max in m beyond which spheres do not interact", "0.1"),
 
+    optional("friction.law", Word(FrictionLaw::NAMES), "the law of friction", "\"history\""),
     required("friction.coefficient", Number(NotNegative), "the friction coefficient phi", "0.2"),
-    required("friction.regularization_velocity", Number(Positive),
+    optional("friction.regularization_velocity", Number(Positive),
              "the slip v_min in m/s below which friction is regularised", "0.01"),
+    optional("friction.stiffness_ratio", Number(Positive),
+             "the ratio of tangential to normal stiffness of friction with memory", "0.5"),
+    optional("friction.damping", Number(NotNegative),
+             "the damping of friction with memory as a share of critical", "1.0"),
     optional("friction.rotation", Switch, "whether friction turns the spheres", "true"),
 
     optional("solver.method", Word(MethodName::NAMES), "the time stepping method", "\"auto\""),

@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
+use crate::model::effects::FrictionLaw;
 use crate::ode::{MethodName, NormName};
 pub(crate) use check::cells_along;
 pub use schema::schema;
@@ -177,14 +178,24 @@ pub struct Contact {
     pub interaction_distance: f64,
 }
 
-/// Parameters of friction, eqs. (2.6)-(2.10).
+/// Parameters of friction, eqs. (2.6)-(2.10), or with memory.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Friction {
-    /// Friction coefficient phi; >= 0.
+    /// The law of friction.
+    #[serde(default)]
+    pub law: FrictionLaw,
+    /// Friction coefficient: phi of the paper's law, mu of the law with memory; >= 0.
     pub coefficient: f64,
-    /// Slip v_min from which friction has its full strength, m/s; > 0.
-    pub regularization_velocity: f64,
+    /// Slip v_min from which the paper's friction has its full strength, m/s; > 0. The paper's law needs it.
+    #[serde(default)]
+    pub regularization_velocity: Option<f64>,
+    /// Tangential over normal stiffness of the law with memory; > 0. [`DEFAULT_STIFFNESS_RATIO`] if left out.
+    #[serde(default)]
+    pub stiffness_ratio: Option<f64>,
+    /// Damping of the law with memory, a share of critical; >= 0. [`DEFAULT_DAMPING`] if left out.
+    #[serde(default)]
+    pub damping: Option<f64>,
     /// Whether friction rotates the particles.
     #[serde(default = "turning")]
     pub rotation: bool,
@@ -223,6 +234,12 @@ pub struct Solver {
     /// Largest step, s; >= `min_step`. It may be infinite.
     pub max_step: f64,
 }
+
+/// Tangential over normal stiffness of friction with memory in a scene that does not give it.
+pub const DEFAULT_STIFFNESS_RATIO: f64 = 0.5;
+
+/// Damping of friction with memory, a share of critical, in a scene that does not give it.
+pub const DEFAULT_DAMPING: f64 = 1.0;
 
 /// Tolerance of a scene that does not give one.
 pub const DEFAULT_TOLERANCE: f64 = 0.1;

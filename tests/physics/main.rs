@@ -8,6 +8,7 @@ mod common;
 mod friction;
 mod hard;
 mod impact;
+mod memory;
 #[path = "../program/mpirun.rs"]
 mod mpirun;
 #[cfg(feature = "long-tests")]

@@ -8,6 +8,7 @@ use demhybrid::domain::Solo;
 use demhybrid::engine::simulation::Simulation;
 use demhybrid::math::vector::Vec3;
 use demhybrid::model::columns::{position, spin, velocity};
+use demhybrid::model::effects::FrictionLaw;
 use demhybrid::ode::Ivp;
 use demhybrid::scene::initial_condition::InitialCondition;
 use demhybrid::scene::{Container, Friction, Scene, WallPlane};
@@ -57,8 +58,14 @@ impl Cloud {
             |(point, normal): &(Vec3, Vec3)| WallPlane { point: (*point).into(), normal: (*normal).into() };
         scene.container = Container { r#box: None, wall: self.walls.iter().map(plane).collect() };
         let rotation = self.rotation;
-        scene.friction =
-            self.friction.then_some(Friction { coefficient: PHI, regularization_velocity: V_MIN, rotation });
+        scene.friction = self.friction.then_some(Friction {
+            law: FrictionLaw::Regularized,
+            coefficient: PHI,
+            regularization_velocity: Some(V_MIN),
+            stiffness_ratio: None,
+            damping: None,
+            rotation,
+        });
         scene
     }
 

@@ -19,6 +19,7 @@ const GRAIN: i64 = demhybrid::threads::GRAIN as i64;
 
 const BASIC: &str = "";
 const FRICTION: &str = "[friction]\ncoefficient = 0.2\nregularization_velocity = 0.1\nrotation = false\n";
+const MEMORY: &str = "[friction]\nlaw = \"history\"\ncoefficient = 0.3\n";
 const ROTATION: &str = "[friction]\ncoefficient = 0.2\nregularization_velocity = 0.1\nrotation = true\n";
 
 /// A scene with the contacts of settle.toml and the particles of start.csv beside it.
@@ -142,7 +143,7 @@ fn assert_particles_migrated_and_bounds_moved(results: &Results, ranks: usize) {
 
 #[track_caller]
 fn assert_ranks_and_threads_do_not_matter(friction: &str) {
-    let spins = friction == ROTATION;
+    let spins = friction == ROTATION || friction == MEMORY;
     let folder = folder(&scene(0.12, 0.02, WIDE_BOX, friction), &csv(&rushing_column(), spins));
     let published = ["solver.method=merson", "solver.norm=paper"];
     let alone = results_with(folder.path(), 1, 1, &published);
@@ -196,6 +197,21 @@ fn ranks_and_threads_do_not_matter_to_rough_spheres_that_cannot_turn() {
 #[test]
 fn ranks_and_threads_do_not_matter_to_rough_spheres_that_turn() {
     assert_ranks_and_threads_do_not_matter(ROTATION);
+}
+
+#[test]
+fn ranks_and_threads_do_not_matter_to_contacts_that_remember() {
+    assert_ranks_and_threads_do_not_matter(MEMORY);
+    // The stabilised method, at rest too: lists are built again, and steps are long.
+    let text = scene(0.15, 0.05, WIDE_BOX, MEMORY);
+    let folder = folder(&text, &csv(&rushing_column(), true));
+    let solver = ["solver.method=chebyshev", "output.energy=true"];
+    let alone = results_with(folder.path(), 1, 1, &solver);
+    assert!(alone.count("lists_built") > 2, "memories must migrate too");
+    for (ranks, threads) in [(1, 2), (2, 1), (3, 2), (4, 1)] {
+        let other = results_with(folder.path(), ranks, threads, &solver);
+        assert_same_bits(&alone, &other, &format!("{ranks} ranks of {threads} threads"));
+    }
 }
 
 /// `ranks` ranks give the bits of the program alone, without mpirun.

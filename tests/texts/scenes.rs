@@ -188,7 +188,7 @@ fn the_settling_scenes_hold_the_parameters_of_table_4_2() {
     assert_eq!((contact.repulsion_at_contact, contact.stiffness_exponent), (10.0, 150.0));
     assert_eq!((contact.restitution, contact.dissipation_focusing), (0.4, 10.0));
     assert_eq!(contact.interaction_distance, 0.1);
-    assert_eq!((friction.coefficient, friction.regularization_velocity), (0.2, 0.01));
+    assert_eq!((friction.coefficient, friction.regularization_velocity), (0.2, Some(0.01)));
     assert_eq!((scene.solver.tolerance, scene.solver.initial_step), (Some(0.1), 0.1));
     assert_eq!((scene.solver.method.name(), scene.solver.norm.name()), ("merson", "paper"));
     assert!(scene.rotates());

@@ -5,6 +5,7 @@ use crate::domain::Comm;
 use crate::engine::simulation::{FrameSummary, Outcome, tightening};
 use crate::math::digits::short;
 use crate::math::vector::Vec3;
+use crate::model::effects::FrictionLaw;
 use crate::ode::{Limit, NormName};
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
@@ -13,11 +14,33 @@ use crate::scene::walls::described_walls;
 /// Warnings about a scene and its particles that can be given before a run.
 pub fn forewarnings(scene: &Scene, start: &InitialCondition) -> Vec<String> {
     let mut warnings = double_wall_warnings(scene);
+    warnings.extend(unused_key_warnings(scene));
     warnings.extend(cut_force_warning(scene));
     warnings.extend(wall_barrier_warning(scene, start));
     warnings.extend(pair_barrier_warning(scene, start));
     warnings.extend(loose_tolerance_warning(scene, start));
     warnings
+}
+
+/// Tells which keys of [friction] the law of friction does not use.
+fn unused_key_warnings(scene: &Scene) -> Vec<String> {
+    let Some(friction) = &scene.friction else { return Vec::new() };
+    let given = |unused: &[(&str, Option<f64>)], law: &str| {
+        let given = unused.iter().filter_map(|&(key, value)| Some((key, value?)));
+        let warning = |(key, value)| {
+            format!("warning: friction.{key} = {value} is not used by friction.law = \"{law}\": leave it out")
+        };
+        given.map(warning).collect()
+    };
+    match friction.law {
+        FrictionLaw::History => {
+            given(&[("regularization_velocity", friction.regularization_velocity)], "history")
+        }
+        FrictionLaw::Regularized => {
+            let unused = [("stiffness_ratio", friction.stiffness_ratio), ("damping", friction.damping)];
+            given(&unused, "regularized")
+        }
+    }
 }
 
 /// Warns if `l_max` cuts off a force that is not small, and names an `l_max` that is large enough.

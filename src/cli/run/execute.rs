@@ -312,6 +312,7 @@ impl Observer for Recorder<'_> {
             instruction_set: self.info.instruction_set.clone(),
             scene: self.info.scene.clone(),
             count: snapshot.count,
+            contact_slots: snapshot.contact_slots,
             columns: snapshot.columns.clone(),
             velocity_scale: self.info.velocity_scale,
             wall_seconds: self.wall_seconds(),

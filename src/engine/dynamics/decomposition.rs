@@ -1,5 +1,6 @@
 //! How the particles are spread over the ranks: which ones this rank owns, and which ghosts it needs.
 
+use super::ContactRecords;
 use crate::domain::halo::{Extent, Halo};
 use crate::domain::migration::{self, Census};
 use crate::domain::slabs::Slabs;
@@ -63,13 +64,14 @@ impl<'c> Decomposition<'c> {
     /// Brings particles to their owners, adapts the slab bounds to the `loads` of the owned particles, and
     /// finds ghosts within `cutoff` (m). Collective.
     ///
-    /// The first of the `tables` is the state; the others move along.
+    /// The first of the `tables` is the state; the others move along, and so do the `records` of contacts.
     pub fn relocate(
         &mut self,
         t: f64,
         loads: &[u64],
         tables: Vec<Table>,
         cutoff: f64,
+        records: &mut ContactRecords,
     ) -> Result<Bodies, Error> {
         let (comm, width) = (self.comm, tables[0].width);
         let constant = self.columns.width(Changes::WithLists);
@@ -93,7 +95,9 @@ impl<'c> Decomposition<'c> {
                 self.slabs.follow(comm, particles.into_iter(), &all);
             }
         }
-        migration::migrate(comm, &self.slabs, &mut self.ids, &mut tables);
+        let owners = migration::owners(&self.slabs, &tables[0]);
+        records.follow(comm, &self.ids, &owners);
+        migration::migrate(comm, &owners, &mut self.ids, &mut tables);
         self.owned = self.ids.len();
         self.census.check(comm, &self.ids, t)?;
         let [a, b, c] = extents(tables[0].numbers, width);

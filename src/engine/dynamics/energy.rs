@@ -35,7 +35,8 @@ impl Dynamics<'_> {
         self.layout.0[0].width
     }
 
-    /// Potential energy (J) of all contacts and of gravity at `y`, and the largest overlap (m). Collective.
+    /// Potential energy (J) of all contacts and of gravity at `y`, without what contacts remember, and the
+    /// largest overlap (m). Collective.
     ///
     /// The energy of a contact is rho(0) times the energy that it stores, so that the energy H never grows
     /// (docs/model.md).
@@ -59,6 +60,14 @@ impl Dynamics<'_> {
             [stored + total(n, height, scale)]
         });
         (energy, overlap)
+    }
+
+    /// Energy that the memories of contacts store at `y`, J. Collective.
+    pub fn remembered_energy(&self, y: &[f64]) -> f64 {
+        if self.forces.memory_width() == 0 {
+            return 0.0;
+        }
+        exact::exact_sum(self.domain.comm, self.contacts.counted.len(), self.stored_in_memories(y))
     }
 
     /// Unbalanced force: 0 in perfect balance, 1 in free fall; NaN if there are no forces at all. Collective.
@@ -93,7 +102,7 @@ impl Dynamics<'_> {
     /// It is measured against gravity, or along z without gravity.
     pub fn bed_height(&self, y: &[f64]) -> f64 {
         let up = (-self.forces.parameters.gravity).try_normalize(0.0).unwrap_or(Vec3::z());
-        let heights = self.domain.centres(y).map(|x| up.dot(&x));
+        let heights = self.domain.centres(&y[..self.particle_numbers()]).map(|x| up.dot(&x));
         let mut top = [heights.fold(f64::NEG_INFINITY, f64::max)];
         self.domain.comm.max(&mut top);
         top[0] + self.law().r

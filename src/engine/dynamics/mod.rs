@@ -11,10 +11,13 @@ use crate::math::vector::Vec3;
 use crate::model::columns::{Changes, Columns, POSITION, velocity};
 use crate::model::contact::LawParameters;
 use crate::ode::{Dissipation, Layout, Segment, StepStart};
+pub use contacts::ContactRecords;
+use contacts::Contacts;
 use decomposition::Decomposition;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
+mod contacts;
 mod decomposition;
 mod energy;
 mod faults;
@@ -128,8 +131,9 @@ struct Audit {
 pub struct Dynamics<'c> {
     domain: Decomposition<'c>,
     forces: Forces,
-    /// One segment: the rows of the owned particles.
+    /// The rows of the owned particles; with friction that remembers, also those of contacts.
     layout: Layout,
+    contacts: Contacts,
     motion: Motion,
     tally: Tally,
     audit: Audit,
@@ -187,6 +191,7 @@ impl<'c> Dynamics<'c> {
             domain: Decomposition::new(comm, ids, columns, constants, y),
             forces: Forces::new(kernel, parameters, set),
             layout: Layout(vec![segment]),
+            contacts: Contacts::default(),
             motion: Motion::default(),
             tally: Tally::default(),
             audit: Audit::default(),
@@ -414,9 +419,11 @@ impl<'c> Dynamics<'c> {
         let clock = Instant::now();
         let (cutoff, width) = (self.cutoff(), self.layout.0[0].width);
         let loads = if self.domain.comm.size() > 1 { self.forces.loads() } else { Vec::new() };
-        let mut tables = vec![Table { numbers: y, width }];
-        tables.extend(companions.iter_mut().map(|numbers| Table { numbers, width }));
-        let bodies = self.domain.relocate(t, &loads, tables, cutoff)?;
+        let mut vectors = vec![&mut *y];
+        vectors.extend(companions.iter_mut().map(|numbers| &mut **numbers));
+        let mut records = self.take_records(&mut vectors);
+        let tables = vectors.into_iter().map(|numbers| Table { numbers, width }).collect();
+        let bodies = self.domain.relocate(t, &loads, tables, cutoff, &mut records)?;
         let owned = self.domain.owned;
         self.layout.0[0].rows = owned;
         let cutoffs = [cutoff, cutoff - self.law().r];
@@ -424,6 +431,9 @@ impl<'c> Dynamics<'c> {
         self.motion.origin.clear();
         self.motion.origin.extend(self.domain.centres(y));
         let mut speed = [self.fastest(y)];
+        let mut vectors = vec![y];
+        vectors.extend(companions.iter_mut().map(|numbers| &mut **numbers));
+        self.put_records(&records, &mut vectors);
         self.domain.comm.max(&mut speed);
         // The approach does not depend on lists: it stays as the last stage found it.
         self.motion.accepted = Extremes { speed: speed[0], drift: 0.0, ..self.motion.accepted };
@@ -434,7 +444,7 @@ impl<'c> Dynamics<'c> {
 
     /// Largest speed of the owned particles, m/s.
     fn fastest(&self, y: &[f64]) -> f64 {
-        let rows = y.chunks_exact(self.layout.0[0].width);
+        let rows = y[..self.particle_numbers()].chunks_exact(self.layout.0[0].width);
         rows.fold(0.0, |speed, row| larger(speed, velocity(row).norm_squared())).sqrt()
     }
 }

@@ -9,6 +9,7 @@ use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::{SPIN, VELOCITY, position, spin, velocity};
 use crate::model::contact::LawParameters;
+use crate::model::history::MEMORY;
 use crate::ode::{
     Dissipation, FinishRows, Ivp, Layout, MakeStage, Part, Rows, Stage, TrialOutcome, VECTORS,
     largest_magnitude, no_vectors,
@@ -41,7 +42,18 @@ impl Dynamics<'_> {
         let Decomposition { comm, halo, .. } = &mut self.domain;
         let maker = StageMaker { make, origin: &self.motion.origin, free, start: y };
         let mut waited = Duration::ZERO;
-        forces.begin_stage(maker, again(&mut vectors, width), dydt);
+        let particles = self.layout.whole(0).len;
+        let (dydt, rates) = dydt.split_at_mut(particles);
+        let mut own = vectors.each_mut().map(|vector| {
+            let end = if vector.is_empty() { 0 } else { particles };
+            vector.split_at_mut(end)
+        });
+        if !rates.is_empty() {
+            let vectors = own.each_mut().map(|(_, of_contacts)| Rows::new(of_contacts, MEMORY));
+            forces.make_memories(maker, particles, vectors, rates);
+        }
+        let mut vectors = own.map(|(of_particles, _)| of_particles);
+        forces.begin_stage(maker, again(&mut vectors, width), dydt, rates);
         if !halo.is_idle() {
             let clock = Instant::now();
             let mut inside = Duration::ZERO;
@@ -49,13 +61,13 @@ impl Dynamics<'_> {
             halo.exchange_during(*comm, &mut || {
                 fail_point!("underway");
                 let clock = Instant::now();
-                forces.advance_interior(maker, again(&mut vectors, width), dydt);
+                forces.advance_interior(maker, again(&mut vectors, width), dydt, rates);
                 inside = clock.elapsed();
             });
             halo.deliver(forces.ghosts());
             waited = clock.elapsed().saturating_sub(inside);
         }
-        let (pairs, moved) = forces.finish_stage(maker, again(&mut vectors, width), dydt);
+        let (pairs, moved) = forces.finish_stage(maker, again(&mut vectors, width), dydt, rates);
         self.tally.own_pairs += pairs;
         let before = self.motion.moved;
         self.motion.moved = [larger(before[0], moved[0]), larger(before[1], moved[1])];
@@ -132,7 +144,14 @@ impl Ivp for Dynamics<'_> {
                 + turned * spin(row).norm_squared()
                 + stiffness * position(row).norm_squared()
         };
-        let length = exact::exact_sum(self.domain.comm, v.len() / width, square).sqrt();
+        let (owned, rows) = (self.layout.0[0].rows, self.contacts.counted.len());
+        let stored = self.stored_in_memories(v);
+        // In units of energy the length of a memory is the energy that it stores.
+        let square = move |i: usize| match i.checked_sub(owned) {
+            None => square(i),
+            Some(row) => 2.0 * stored(row),
+        };
+        let length = exact::exact_sum(self.domain.comm, owned + rows, square).sqrt();
         self.clocks.reduction += clock.elapsed();
         length
     }
@@ -162,7 +181,19 @@ impl Ivp for Dynamics<'_> {
                 }
             }
         };
-        threads::parts(ids.len(), threads::GRAIN, Rows::new(v, width), &add, &|(), ()| ());
+        let (particles, memories) = v.split_at_mut(self.layout.whole(0).len);
+        threads::parts(ids.len(), threads::GRAIN, Rows::new(particles, width), &add, &|(), ()| ());
+        let unit = 2.0 * self.forces.kernel.stored_in_memory(&[1.0, 0.0, 0.0]);
+        let size = 1.0 / (unit * self.count() as f64).sqrt();
+        for (memory, key) in memories.as_chunks_mut::<MEMORY>().0.iter_mut().zip(&self.contacts.keys) {
+            let sign = if key[0] > key[1] { -1.0 } else { 1.0 };
+            let of = |id: u64| migration::scramble(id ^ migration::scramble(round));
+            let mut bits = migration::scramble(of(key[0].min(key[1])) ^ key[0].max(key[1]));
+            for number in memory {
+                bits = migration::scramble(bits);
+                *number += sign * share * size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0);
+            }
+        }
     }
 
     /// The length of the state of one particle at `velocity_scale`, times the square root of the machine
@@ -192,13 +223,24 @@ impl Ivp for Dynamics<'_> {
             }
             most
         };
-        let rows = Rows::new(next, width);
-        let [error, drift, way, speed] =
+        let (particles, memories) = next.split_at_mut(whole.len);
+        let rows = Rows::new(particles, width);
+        let [mut error, drift, way, speed] =
             threads::parts(origin.len(), threads::GRAIN, rows, &measure, &largest);
+        if !memories.is_empty() {
+            let (all, rows) = (self.layout.whole(1), Rows::new(memories, MEMORY));
+            let measure = |first: usize, rows: Rows| {
+                let count = rows.numbers.len() / MEMORY;
+                finish(all.rows(first..first + count), rows.numbers)
+            };
+            let count = all.len / MEMORY;
+            error = larger(error, threads::parts(count, threads::GRAIN, rows, &measure, &larger));
+        }
         let moved = [larger(self.motion.moved[0], drift), larger(self.motion.moved[1], way)];
         // The last stage of every method is at the end of the step, so close to its result that the bodies of
         // that stage tell which impacts come next.
         let approach = self.fastest_approach(1.0 / self.motion.largest_next);
+        self.forces.find_contacts();
         let interrupts = self.requests.interrupts;
         let request = interrupts.map_or(StopRequest::Nothing, |interrupts| interrupts()).weight();
         let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), request, approach];

@@ -112,6 +112,7 @@ mod tests {
             psi: 10.0,
             phi: 0.2,
             v_min: 0.01,
+            memory: None,
         };
         let mut approach = Approach { law, mass: 2.0, within: 0.022, most: least };
         let distance = 0.2 + gap;

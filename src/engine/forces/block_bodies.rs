@@ -6,6 +6,7 @@
 //! So a thread may move the bodies of its block at any time, whatever the other threads are doing.
 
 use super::INNER_SKIN;
+use super::memory::Found;
 use crate::engine::kernel::Batch;
 use crate::engine::neighbors::Block;
 use crate::math::elementary::Separate;
@@ -114,6 +115,10 @@ pub struct BlockBodies {
     pub distances: Distances,
     /// Scratch memory of the kernel.
     pub batch: Batch,
+    /// Memories of the contacts of the block at the current stage, row after row.
+    pub memories: Vec<f64>,
+    /// Contacts that get rows when the trial step is accepted.
+    pub found: Found,
 }
 
 impl Default for Offset {
@@ -205,6 +210,7 @@ impl BlockBodies {
         self.bodies.capacity() * size_of::<f64>()
             + self.picked.capacity() * size_of::<Vec3>()
             + self.ghost_sources.capacity() * size_of::<OutboxSlot>()
+            + self.memories.capacity() * size_of::<f64>()
             + size_of::<Batch>()
     }
 }

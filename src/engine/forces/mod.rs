@@ -21,11 +21,13 @@ use crate::model::wall::Wall;
 use crate::threads;
 use block_bodies::{BlockBodies, OutboxSlot, clear_for};
 use blocks::each_block;
+pub use memory::{FIRST_WALL, Turnover};
 pub use pass::{CHUNK, StageMaker};
 
 mod approach;
 mod block_bodies;
 mod blocks;
+mod memory;
 mod pass;
 
 /// Inner skin, as a share of the radius: near pairs are picked up to a gap of `l_max` plus this.
@@ -116,6 +118,10 @@ pub struct Forces {
     ghosts: Vec<f64>,
     /// Where to read each of the particles that other ranks need.
     exports: Vec<OutboxSlot>,
+    /// Contacts have a memory up to this gap, m.
+    memory_gap: f64,
+    /// Bounds of the rows of memories: first row of each block, and the number of rows at the end.
+    row_bounds: Vec<usize>,
     /// How many interior bodies of a block `advance_interior` has made in the current stage, at most.
     ahead: usize,
     set: InstructionSet,
@@ -136,6 +142,8 @@ impl Forces {
             outboxes: Vec::new(),
             ghosts: Vec::new(),
             exports: Vec::new(),
+            memory_gap: f64::INFINITY,
+            row_bounds: vec![0, 0],
             ahead: 0,
             set,
         }
@@ -183,6 +191,13 @@ impl Forces {
         let width = *width;
         lists.find_exported(exports.clone());
         let blocks = lists.blocks.len();
+        // No contact of the new lists has a row yet.
+        self.row_bounds.clear();
+        self.row_bounds.resize(blocks + 1, 0);
+        for block in &mut lists.blocks {
+            block.pair_rows.clear();
+            block.wall_rows.clear();
+        }
         let source = |i: usize| match i.checked_sub(*owned) {
             None => lists.outbox_slot(i),
             Some(ghost) => [blocks as u32, ghost as u32],
@@ -338,10 +353,10 @@ impl Forces {
         let Forces { kernel, parameters, lists, bounds, block_bodies, set, width, .. } = self;
         let r = kernel.law().r;
         let work = |(blocks, block_bodies): (&[Block], &mut [BlockBodies]), ()| {
-            let BlockBodies { bodies, batch, .. } = &mut block_bodies[0];
+            let BlockBodies { bodies, batch, memories, .. } = &mut block_bodies[0];
             let mut sum = identity;
             let walls = &parameters.walls[..];
-            let survey = Survey { r, walls, bodies, width: *width, block: &blocks[0], batch };
+            let survey = Survey { r, walls, bodies, width: *width, block: &blocks[0], batch, memories };
             let take = &mut |[first, second]: [&[f64]; 2]| {
                 sum = first.iter().zip(second).fold(sum, |sum, (&first, &second)| take(sum, [first, second]));
             };

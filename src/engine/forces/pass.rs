@@ -26,12 +26,14 @@
 //! block picks them again and repeats its sums. None of this changes the order in which a particle sums.
 
 use super::block_bodies::{BlockBodies, allowed, furthest};
+use super::memory::ByRows;
 use super::{BlockParts, BodyParameters, Forces, WithOutbox, each_block};
-use crate::engine::kernel::{Inertia, Kernel, Sweep};
+use crate::engine::kernel::{Inertia, Kernel, Memories, Sweep};
 use crate::engine::neighbors::{BATCH, Block};
 use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::POSITION;
+use crate::model::history::MEMORY;
 use crate::ode::{MakeStage, Part, Rows, Stage, VECTORS};
 use crate::threads::Cut;
 use fail::fail_point;
@@ -64,6 +66,13 @@ pub struct StageMaker<'a> {
 /// The vectors of a method, for [`StageMaker::make`].
 pub type Vectors<'a> = [Rows<'a>; VECTORS];
 
+/// Rates of the memories of the contacts of blocks.
+type Rates<'a> = ByRows<'a, Rows<'a>>;
+
+fn rates_of<'a>(bounds: &'a [usize], rates: &'a mut [f64]) -> Rates<'a> {
+    ByRows { bounds, items: Rows::new(rates, MEMORY) }
+}
+
 /// What is the same for all particles: kernel, inertia and walls.
 struct Field<'a> {
     kernel: &'a dyn Kernel,
@@ -94,6 +103,7 @@ impl Field<'_> {
         (block, local): (&Block, &mut BlockBodies),
         part: Range<usize>,
         mut rows: Items,
+        rates: &mut [f64],
     ) {
         let width = local.width;
         let mut first = part.start;
@@ -121,7 +131,7 @@ impl Field<'_> {
             let picked = &local.picked[chunk.clone()];
             let strayed = local.from_picked.furthest(picked, ends, way, self.allowed);
             local.distances = furthest(local.distances, [from_origin, way, strayed]);
-            self.add_walls(strayed <= self.allowed, (block, local), chunk.clone(), slopes);
+            self.add_walls(strayed <= self.allowed, (block, local), chunk.clone(), slopes, rates);
             first = chunk.end;
         }
     }
@@ -134,10 +144,11 @@ impl Field<'_> {
         (block, local): (&Block, &mut BlockBodies),
         outbox: &mut [f64],
         [front, back]: [Items; 2],
+        rates: &mut [f64],
     ) {
         let Range { start, end } = block.interior;
-        self.advance(maker, (block, local), 0..start, front);
-        self.advance(maker, (block, local), end..block.range.len(), back);
+        self.advance(maker, (block, local), 0..start, front, rates);
+        self.advance(maker, (block, local), end..block.range.len(), back, rates);
         local.export(block, outbox);
     }
 
@@ -150,19 +161,29 @@ impl Field<'_> {
         (block, local): (&Block, &mut BlockBodies),
         part: Range<usize>,
         slopes: &mut [f64],
+        rates: &mut [f64],
     ) {
-        let contacts = if near { &block.near_walls } else { &block.walls };
+        let (contacts, rows) =
+            if near { (&block.near_walls, &block.near_wall_rows) } else { (&block.walls, &block.wall_rows) };
         let before = |end: usize| contacts.partition_point(|contact| (contact[0] as usize) < end);
-        let contacts = &contacts[before(part.start)..before(part.end)];
-        let BlockBodies { bodies, batch, width, .. } = local;
+        let within = before(part.start)..before(part.end);
+        let rows = if rows.is_empty() { &[][..] } else { &rows[within.clone()] };
+        let contacts = &contacts[within];
+        let BlockBodies { bodies, batch, width, memories, .. } = local;
+        let memories = Memories { rows, states: memories, rates };
         let bodies = &bodies[part.start * *width..part.end * *width];
-        self.kernel.add_walls(part.start, contacts, &self.parameters.walls, Sweep { bodies, batch, slopes });
+        self.kernel.add_walls(
+            part.start,
+            contacts,
+            &self.parameters.walls,
+            Sweep { bodies, batch, slopes, memories },
+        );
     }
 
     /// Starts the slopes of all own particles again, with the velocities of their bodies and with near walls.
-    fn begin_again(&self, (block, local): (&Block, &mut BlockBodies), slopes: &mut [f64]) {
+    fn begin_again(&self, (block, local): (&Block, &mut BlockBodies), slopes: &mut [f64], rates: &mut [f64]) {
         self.kernel.start_slopes(&local.bodies[..slopes.len()], slopes);
-        self.add_walls(true, (block, local), 0..block.range.len(), slopes);
+        self.add_walls(true, (block, local), 0..block.range.len(), slopes, rates);
     }
 }
 
@@ -188,15 +209,19 @@ impl Pairs {
         field: &Field,
         (block, local): (&Block, &mut BlockBodies),
         slopes: &mut [f64],
+        rates: &mut [f64],
     ) {
-        let Block { near, horizon, .. } = block;
+        let Block { near, near_rows, horizon, .. } = block;
         loop {
             let ready = horizon[self.batches..].iter().take(BATCHES);
             let ready = ready.take_while(|&&horizon| horizon as usize <= limit).count();
             if ready > 0 {
-                let pairs = &near[self.batches * BATCH..near.len().min((self.batches + ready) * BATCH)];
-                let BlockBodies { bodies, batch, .. } = &mut *local;
-                let sweep = Sweep { bodies, batch, slopes: &mut *slopes };
+                let range = self.batches * BATCH..near.len().min((self.batches + ready) * BATCH);
+                let pairs = &near[range.clone()];
+                let rows = if near_rows.is_empty() { &[][..] } else { &near_rows[range] };
+                let BlockBodies { bodies, batch, memories, .. } = &mut *local;
+                let memories = Memories { rows, states: memories, rates: &mut *rates };
+                let sweep = Sweep { bodies, batch, slopes: &mut *slopes, memories };
                 self.count += field.kernel.add_pairs(pairs, sweep);
                 self.batches += ready;
             }
@@ -225,42 +250,50 @@ impl Forces {
     /// Starts a right-hand side: makes the bodies at both ends of every block, and copies the exported ones
     /// to the outboxes. Needs no ghosts.
     ///
-    /// `vectors` and `dydt` belong to the owned particles, by local index. Without exports nothing is done
-    /// here.
-    pub fn begin_stage(&mut self, maker: StageMaker, vectors: Vectors, dydt: &mut [f64]) {
-        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, width, .. } = self;
+    /// `vectors` and `dydt` belong to the owned particles, by local index, `rates` to the memories of
+    /// contacts, which are made already. Without exports nothing is done here.
+    pub fn begin_stage(&mut self, maker: StageMaker, vectors: Vectors, dydt: &mut [f64], rates: &mut [f64]) {
+        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, row_bounds, width, .. } =
+            self;
         let outboxes = &mut outboxes[..];
         if outboxes.iter().all(Vec::is_empty) {
             return;
         }
         let field = Field::new(&**kernel, parameters);
-        let work = move |((blocks, block_bodies), outboxes): WithOutbox, rows: Items| {
+        let work = move |(((blocks, block_bodies), outboxes), rates): (WithOutbox, Rates), rows: Items| {
             let (block, local) = (&blocks[0], &mut block_bodies[0]);
             let (front, rows) = rows.cut(block.interior.start);
             let back = rows.cut(block.interior.len()).1;
-            field.export(maker, (block, local), &mut outboxes[0], [front, back]);
+            field.export(maker, (block, local), &mut outboxes[0], [front, back], rates.items.numbers);
         };
         let own = ((&mut lists.blocks[..], &mut block_bodies[..]), outboxes);
+        let own = (own, rates_of(row_bounds, rates));
         each_block(bounds, own, (Rows::new(dydt, *width), vectors), &work, &|(), ()| ());
     }
 
     /// Makes the first interior bodies of every block, `AHEAD` at most, while ghosts are on their way.
     ///
     /// Arguments as for `begin_stage`.
-    pub fn advance_interior(&mut self, maker: StageMaker, vectors: Vectors, dydt: &mut [f64]) {
+    pub fn advance_interior(
+        &mut self,
+        maker: StageMaker,
+        vectors: Vectors,
+        dydt: &mut [f64],
+        rates: &mut [f64],
+    ) {
         self.ahead = AHEAD;
-        let Forces { kernel, parameters, lists, bounds, block_bodies, width, .. } = self;
+        let Forces { kernel, parameters, lists, bounds, block_bodies, row_bounds, width, .. } = self;
         let field = Field::new(&**kernel, parameters);
-        let work = move |(blocks, block_bodies): BlockParts, rows: Items| {
+        let work = move |((blocks, block_bodies), rates): (BlockParts, Rates), rows: Items| {
             let (block, local) = (&blocks[0], &mut block_bodies[0]);
             let Range { start, end } = block.interior;
             let end = end.min(start + AHEAD);
             let rows = rows.cut(start).1.cut(end - start).0;
-            field.advance(maker, (block, local), start..end, rows);
+            field.advance(maker, (block, local), start..end, rows, rates.items.numbers);
         };
         each_block(
             bounds,
-            (&mut lists.blocks[..], &mut block_bodies[..]),
+            ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates)),
             (Rows::new(dydt, *width), vectors),
             &work,
             &|(), ()| (),
@@ -276,12 +309,30 @@ impl Forces {
     /// Also returns two largest squared distances of owned bodies, m^2: from their positions when the lists
     /// were built, and from those at the start of the step. The first is 0 if it is certainly not beyond
     /// `free`.
-    pub fn finish_stage(&mut self, maker: StageMaker, vectors: Vectors, dydt: &mut [f64]) -> (u64, [f64; 2]) {
+    pub fn finish_stage(
+        &mut self,
+        maker: StageMaker,
+        vectors: Vectors,
+        dydt: &mut [f64],
+        rates: &mut [f64],
+    ) -> (u64, [f64; 2]) {
         let ahead = std::mem::take(&mut self.ahead);
-        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, ghosts, width, .. } = self;
+        let Forces {
+            kernel,
+            parameters,
+            lists,
+            bounds,
+            block_bodies,
+            outboxes,
+            ghosts,
+            row_bounds,
+            width,
+            ..
+        } = self;
         let (field, law) = (Field::new(&**kernel, parameters), kernel.law());
         let (outboxes, ghosts) = (&outboxes[..], &ghosts[..]);
-        let work = move |(blocks, block_bodies): BlockParts, (slopes, items): Items| {
+        let work = move |((blocks, block_bodies), rates): (BlockParts, Rates), (slopes, items): Items| {
+            let rates = rates.items.numbers;
             fail_point!("worker");
             let (block, local) = (&mut blocks[0], &mut block_bodies[0]);
             let (slopes, width) = (slopes.numbers, local.width);
@@ -294,7 +345,7 @@ impl Forces {
                 // Bodies behind the interior were made before: once it is complete, all own bodies are there.
                 let limit = if placed < end { placed } else { own };
                 if local.distances[2] <= field.allowed {
-                    pairs.sum_ready(limit, &field, (block, local), slopes);
+                    pairs.sum_ready(limit, &field, (block, local), slopes, rates);
                 }
                 if placed == end {
                     break;
@@ -303,22 +354,22 @@ impl Forces {
                 let (these, rest) = items.cut(part.len());
                 items = rest;
                 let of_part = &mut slopes[part.start * width..part.end * width];
-                field.advance(maker, (block, local), part.clone(), (Rows::new(of_part, width), these));
+                field.advance(maker, (block, local), part.clone(), (Rows::new(of_part, width), these), rates);
                 placed = part.end;
             }
             let [from_origin, from_start, strayed] = local.end_stage();
             if strayed > field.allowed {
                 local.pick_near(block, &law, &field.parameters.walls);
-                field.begin_again((block, local), slopes);
+                field.begin_again((block, local), slopes, rates);
                 pairs = Pairs::default();
-                pairs.sum_ready(own, &field, (block, local), slopes);
+                pairs.sum_ready(own, &field, (block, local), slopes, rates);
             }
             (pairs.count, [from_origin, from_start])
         };
         let both = |a: (u64, [f64; 2]), b: (u64, [f64; 2])| {
             (a.0 + b.0, [larger(a.1[0], b.1[0]), larger(a.1[1], b.1[1])])
         };
-        let own = (&mut lists.blocks[..], &mut block_bodies[..]);
+        let own = ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates));
         each_block(bounds, own, (Rows::new(dydt, *width), vectors), &work, &both)
     }
 }

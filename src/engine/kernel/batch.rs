@@ -8,6 +8,7 @@ use crate::math::instructions::Lanes;
 use crate::math::vector::{Vec3, vector};
 use crate::model::columns::{POSITION, SPIN, VELOCITY};
 use crate::model::contact::{Action, Law, Rebound, Tangential};
+use crate::model::history::{MEMORY, Partner, Response, Touch};
 
 /// The number of evaluated rows is a multiple of this.
 const STRIDE: usize = 8;
@@ -29,12 +30,14 @@ pub struct Batch {
     spins: [Column; 3],
     /// 1 where a pair is within `l_max`, 0 elsewhere.
     pub near: [u64; BATCH],
+    /// The memory of the contact; after `evaluate` its rate, 1/s. Only for friction with memory.
+    memory: [Column; MEMORY],
 }
 
 impl Default for Batch {
     fn default() -> Self {
         let columns = [[0.0; BATCH]; 3];
-        Batch { gap: [0.0; BATCH], n: columns, v: columns, spins: columns, near: [0; BATCH] }
+        Batch { gap: [0.0; BATCH], n: columns, v: columns, spins: columns, near: [0; BATCH], memory: columns }
     }
 }
 
@@ -143,9 +146,25 @@ impl Batch {
         &mut self,
         k: usize,
         law: &Law<R, T>,
+        partner: Partner,
         near: bool,
     ) {
         let (n, v) = (self.normal(k), self.velocity(k));
+        if T::REMEMBERS {
+            let Response { force, turning, rate, .. } = self.respond::<L, R, T, N>(k, law, partner, &n);
+            for (c, [force, rate]) in
+                [[force.x, rate.x], [force.y, rate.y], [force.z, rate.z]].iter().enumerate()
+            {
+                self.n[c][k] = if near { *force } else { 0.0 };
+                self.memory[c][k] = if near { *rate } else { 0.0 };
+            }
+            if N == 9 {
+                self.spins[0][k] = if near { turning.x } else { 0.0 };
+                self.spins[1][k] = if near { turning.y } else { 0.0 };
+                self.spins[2][k] = if near { turning.z } else { 0.0 };
+            }
+            return;
+        }
         let Action { force, turning } = law.action::<L>(self.gap[k], &n, &v, &self.spins::<N>(k));
         self.n[0][k] = if near { force.x } else { 0.0 };
         self.n[1][k] = if near { force.y } else { 0.0 };
@@ -154,6 +173,41 @@ impl Batch {
             self.spins[0][k] = if near { turning.x } else { 0.0 };
             self.spins[1][k] = if near { turning.y } else { 0.0 };
             self.spins[2][k] = if near { turning.z } else { 0.0 };
+        }
+    }
+
+    /// What the law with memory gives for row `k`, with the unit normal `n`. All but that must be set.
+    #[inline(always)]
+    pub fn respond<L: Lanes, R: Rebound, T: Tangential, const N: usize>(
+        &self,
+        k: usize,
+        law: &Law<R, T>,
+        partner: Partner,
+        n: &Vec3,
+    ) -> Response {
+        let memory = Vec3::new(self.memory[0][k], self.memory[1][k], self.memory[2][k]);
+        let (v_rel, spins) = (&self.velocity(k), &self.spins::<N>(k));
+        law.respond::<L>(partner, Touch { gap: self.gap[k], n, v_rel, spins, memory: &memory })
+    }
+
+    /// Fills the memories of contacts whose rows are `rows`; 0 for a contact without a row.
+    #[inline(always)]
+    pub fn put_memories(&mut self, rows: &[u32], states: &[f64]) {
+        let states = states.as_chunks::<MEMORY>().0;
+        for (k, &row) in rows.iter().enumerate() {
+            let [x, y, z] = states.get(row as usize).copied().unwrap_or([0.0; MEMORY]);
+            (self.memory[0][k], self.memory[1][k], self.memory[2][k]) = (x, y, z);
+        }
+    }
+
+    /// Writes the rates of the memories that `evaluate` found to the rows of the contacts.
+    #[inline(always)]
+    pub fn take_rates(&self, rows: &[u32], rates: &mut [f64]) {
+        let rates = rates.as_chunks_mut::<MEMORY>().0;
+        for (k, &row) in rows.iter().enumerate() {
+            if let Some(rate) = rates.get_mut(row as usize) {
+                *rate = [self.memory[0][k], self.memory[1][k], self.memory[2][k]];
+            }
         }
     }
 

@@ -6,6 +6,7 @@ use crate::math::instructions::{InstructionSet, Lanes, Vectorised, run};
 use crate::math::vector::{Vec3, scaled, vector};
 use crate::model::columns::{POSITION, VELOCITY, position};
 use crate::model::contact::{AtRest, Energies, Law, Rebound, Tangential};
+use crate::model::history::Partner;
 use crate::model::wall::Wall;
 
 /// The contacts of one block to be measured. Over all blocks of all ranks, each contact is measured once.
@@ -22,6 +23,8 @@ pub struct Survey<'a> {
     pub block: &'a Block,
     /// Scratch memory.
     pub batch: &'a mut Batch,
+    /// Memories of the contacts of the block, row after row; empty where the law has none.
+    pub memories: &'a [f64],
 }
 
 /// Two numbers of a contact that depend on its gap alone.
@@ -59,7 +62,7 @@ impl Vectorised for Gaps<'_> {
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        let Gaps(Survey { r, walls, bodies, width, block, batch }, measure, take) = self;
+        let Gaps(Survey { r, walls, bodies, width, block, batch, .. }, measure, take) = self;
         let x = |slot: u32| position(&bodies[slot as usize * width..]);
         for pairs in block.near.chunks(BATCH) {
             for (k, &[i, j]) in pairs.iter().enumerate() {
@@ -90,27 +93,33 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        let Power(law, Survey { r, walls, bodies, block, batch, .. }, take) = self;
+        let Power(law, Survey { r, walls, bodies, block, batch, memories, .. }, take) = self;
         let (bodies, energies) = (rows::<N>(bodies), law.energies());
-        for pairs in block.near.chunks(BATCH) {
+        for (chunk, pairs) in block.near.chunks(BATCH).enumerate() {
+            if T::REMEMBERS {
+                batch.put_memories(&block.near_rows[chunk * BATCH..][..pairs.len()], memories);
+            }
             batch.gather::<L, N>(bodies, pairs);
             for k in 0..Batch::rows(pairs.len()) {
                 let apart = batch.normal(k);
                 let (d2, inverse_d) = distance::<L>(&apart);
-                let gap = L::add_product(d2, inverse_d, -2.0 * r);
-                put_power::<L, R, T, N>(&energies, batch, k, gap, &scaled(inverse_d, &apart));
+                batch.gap[k] = L::add_product(d2, inverse_d, -2.0 * r);
+                put_power::<L, R, T, N>(&energies, batch, k, Partner::Sphere, &scaled(inverse_d, &apart));
             }
             take_owned(block, pairs, batch, take);
         }
-        for contacts in block.walls.chunks(BATCH) {
+        for (chunk, contacts) in block.walls.chunks(BATCH).enumerate() {
+            if T::REMEMBERS {
+                batch.put_memories(&block.wall_rows[chunk * BATCH..][..contacts.len()], memories);
+            }
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize], &walls[wall as usize]);
                 batch.gap[k] = wall.depth(&vector(&body[POSITION])) - r;
                 batch.put::<N>(k, &-wall.normal, &vector(&body[VELOCITY]), &spin(body));
             }
             for k in 0..Batch::rows(contacts.len()) {
-                let (gap, n) = (batch.gap[k], batch.normal(k));
-                put_power::<L, R, T, N>(&energies, batch, k, gap, &n);
+                let n = batch.normal(k);
+                put_power::<L, R, T, N>(&energies, batch, k, Partner::Wall, &n);
             }
             take(batch.number_columns(contacts.len()));
         }
@@ -123,9 +132,15 @@ fn put_power<L: Lanes, R: Rebound, T: Tangential, const N: usize>(
     energies: &Energies<R, T>,
     batch: &mut Batch,
     k: usize,
-    gap: f64,
+    partner: Partner,
     n: &Vec3,
 ) {
+    let gap = batch.gap[k];
+    if T::REMEMBERS {
+        let power = batch.respond::<L, R, T, N>(k, energies.law, partner, n).dissipation;
+        let far = gap > energies.law.parameters.l_max;
+        return batch.put_numbers(k, power.map(|power| if far { 0.0 } else { power }));
+    }
     let numbers = energies.dissipation::<L>(gap, n, &batch.velocity(k), &batch.spins::<N>(k));
     batch.put_numbers(k, numbers);
 }

@@ -21,6 +21,7 @@ use crate::model::contact::{
     Action, Coulomb, Dissipative, Elastic, Frictionless, Law, LawParameters, Rebound, Tangential, Turning,
 };
 use crate::model::effects::{Effects, Variant};
+use crate::model::history::{History, MEMORY, Partner, Touch};
 use crate::model::wall::Wall;
 pub use batch::Batch;
 pub use measure::{GapMeasure, Survey, Take, measure_gaps};
@@ -48,12 +49,40 @@ pub struct Sweep<'a> {
     /// Slopes of the first of these bodies, at most of the own particles. During a sweep they hold forces
     /// and torques over the radius (N), to which the sweep adds.
     pub slopes: &'a mut [f64],
+    /// The memories of these contacts.
+    pub memories: Memories<'a>,
+}
+
+/// A contact without a row for its memory: it counts as 0.
+pub const NO_ROW: u32 = u32::MAX;
+
+/// The memories of the contacts of a sweep. All of it is empty where the law has no memory.
+pub struct Memories<'a> {
+    /// For every contact the number of its row, or [`NO_ROW`].
+    pub rows: &'a [u32],
+    /// The memories of the contacts of the block, row after row.
+    pub states: &'a [f64],
+    /// Their rates, 1/s, which the sweep sets.
+    pub rates: &'a mut [f64],
+}
+
+impl Memories<'_> {
+    /// No memories.
+    pub fn none() -> Self {
+        Memories { rows: &[], states: &[], rates: &mut [] }
+    }
 }
 
 /// The contact law with all effects of a scene compiled in. Bodies and slopes are rows of the state.
 pub trait Kernel: Send + Sync {
     /// Numbers in a row of the state.
     fn width(&self) -> usize;
+    /// Numbers in the memory of a contact; 0 for a law without memory.
+    fn memory(&self) -> usize;
+    /// Energy that the `memory` of a contact stores, J.
+    fn stored_in_memory(&self, memory: &[f64]) -> f64;
+    /// Rate of the memory of a contact whose memory is 0, 1/s; arguments as for `action`.
+    fn first_rate(&self, partner: Partner, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> [f64; MEMORY];
     /// The parameters of the law.
     fn law(&self) -> LawParameters;
     /// From now on contacts are evaluated up to `gap` (m).
@@ -121,10 +150,14 @@ fn with_rebound<R: Rebound>(
     set: InstructionSet,
 ) -> Box<dyn Kernel> {
     let friction = Coulomb::new(law.phi, law.v_min);
-    match variant {
-        Variant::Basic => compiled(law, rebound, Frictionless, set),
-        Variant::Friction => compiled(law, rebound, friction, set),
-        Variant::FrictionRotation => compiled(law, rebound, Turning(friction), set),
+    match (variant, law.memory) {
+        (Variant::Basic, _) => compiled(law, rebound, Frictionless, set),
+        (Variant::Friction, None) => compiled(law, rebound, friction, set),
+        (Variant::FrictionRotation, None) => compiled(law, rebound, Turning(friction), set),
+        (Variant::Friction, Some(memory)) => compiled(law, rebound, History::new(&law, memory, false), set),
+        (Variant::FrictionRotation, Some(memory)) => {
+            compiled(law, rebound, Turning(History::new(&law, memory, true)), set)
+        }
     }
 }
 
@@ -181,6 +214,20 @@ fn spin<const N: usize>(body: &[f64; N]) -> Vec3 {
 impl<R: Rebound, T: Tangential, const N: usize> Kernel for Compiled<R, T, N> {
     fn width(&self) -> usize {
         N
+    }
+
+    fn memory(&self) -> usize {
+        if T::REMEMBERS { MEMORY } else { 0 }
+    }
+
+    fn stored_in_memory(&self, memory: &[f64]) -> f64 {
+        let square: f64 = memory.iter().map(|number| number * number).sum();
+        0.5 * self.law.tangential.stiffness() * square
+    }
+
+    fn first_rate(&self, partner: Partner, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> [f64; MEMORY] {
+        let touch = Touch { gap, n, v_rel, spins, memory: &Vec3::zeros() };
+        self.law.respond::<Separate>(partner, touch).rate.into()
     }
 
     fn law(&self) -> LawParameters {
@@ -261,18 +308,25 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Walls<'_, R, T, N
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        let Walls(law, first, contacts, walls, Sweep { bodies, batch, slopes }) = self;
+        let Walls(law, first, contacts, walls, Sweep { bodies, batch, slopes, memories }) = self;
         let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
         let LawParameters { r, l_max, .. } = law.parameters;
-        for contacts in contacts.chunks(BATCH) {
+        for (chunk, contacts) in contacts.chunks(BATCH).enumerate() {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize - first], &walls[wall as usize]);
                 // A wall is a motionless partner with n = -n_k.
                 batch.gap[k] = wall.depth(&vector(&body[POSITION])) - r;
                 batch.put::<N>(k, &-wall.normal, &vector(&body[VELOCITY]), &spin(body));
             }
+            let rows = own_rows(&memories, chunk * BATCH, contacts.len());
+            if T::REMEMBERS {
+                batch.put_memories(rows, memories.states);
+            }
             for k in 0..Batch::rows(contacts.len()) {
-                batch.evaluate::<L, R, T, N>(k, law, batch.gap[k] <= l_max);
+                batch.evaluate::<L, R, T, N>(k, law, Partner::Wall, batch.gap[k] <= l_max);
+            }
+            if T::REMEMBERS {
+                batch.take_rates(rows, memories.rates);
             }
             for (k, &[i, _]) in contacts.iter().enumerate() {
                 let slope = &mut slopes[i as usize - first];
@@ -294,12 +348,16 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
     type Output = u64;
     #[inline(always)]
     fn work<L: Lanes>(self) -> u64 {
-        let Pairs(law, pairs, Sweep { bodies, batch, slopes }) = self;
+        let Pairs(law, pairs, Sweep { bodies, batch, slopes, memories }) = self;
         let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
         let LawParameters { r, l_max, .. } = law.parameters;
         let cutoff = 2.0 * r + l_max;
         let mut count = 0;
-        for pairs in pairs.chunks(BATCH) {
+        for (chunk, pairs) in pairs.chunks(BATCH).enumerate() {
+            let rows = own_rows(&memories, chunk * BATCH, pairs.len());
+            if T::REMEMBERS {
+                batch.put_memories(rows, memories.states);
+            }
             batch.gather::<L, N>(bodies, pairs);
             for k in 0..Batch::rows(pairs.len()) {
                 let apart = batch.normal(k);
@@ -313,13 +371,22 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
             // A separate loop. Together with the distances, more operations would wait for each other than
             // the processor can look ahead.
             for k in 0..Batch::rows(pairs.len()) {
-                batch.evaluate::<L, R, T, N>(k, law, batch.near[k] != 0);
+                batch.evaluate::<L, R, T, N>(k, law, Partner::Sphere, batch.near[k] != 0);
+            }
+            if T::REMEMBERS {
+                batch.take_rates(rows, memories.rates);
             }
             let near: u64 = batch.near[..pairs.len()].iter().sum();
             count += near - batch.scatter::<L, N>(pairs, slopes);
         }
         count
     }
+}
+
+/// The rows of `count` contacts from `first` on; none where the law has no memory.
+#[inline(always)]
+fn own_rows<'a>(memories: &Memories<'a>, first: usize, count: usize) -> &'a [u32] {
+    if memories.rows.is_empty() { &[] } else { &memories.rows[first..first + count] }
 }
 
 /// Square of the length of a vector, and the inverse of its length.

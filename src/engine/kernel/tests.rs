@@ -16,8 +16,17 @@ fn parameters() -> BodyParameters {
     BodyParameters { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
 }
 
-const LAW: LawParameters =
-    LawParameters { r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 0.4, psi: 10.0, phi: 0.2, v_min: 0.01 };
+const LAW: LawParameters = LawParameters {
+    r: 0.1,
+    f_0: 10.0,
+    kappa: 150.0,
+    l_max: 0.1,
+    e: 0.4,
+    psi: 10.0,
+    phi: 0.2,
+    v_min: 0.01,
+    memory: None,
+};
 
 /// Every combination of effects.
 fn all_effects() -> impl Iterator<Item = Effects> {
@@ -67,9 +76,12 @@ fn slopes(kernel: &dyn Kernel, bodies: &[f64], lists: &Lists) -> (Vec<f64>, u64)
         let bodies = &seated(block, bodies, width);
         let slopes = &mut slopes[block.range.start * width..block.range.end * width];
         kernel.start_slopes(&bodies[..slopes.len()], slopes);
-        let walls = Sweep { bodies, batch: &mut batch, slopes: &mut *slopes };
+        let walls = Sweep { bodies, batch: &mut batch, slopes: &mut *slopes, memories: Memories::none() };
         kernel.add_walls(0, &block.walls, &parameters.walls, walls);
-        count += kernel.add_pairs(&block.near, Sweep { bodies, batch: &mut other, slopes: &mut *slopes });
+        count += kernel.add_pairs(
+            &block.near,
+            Sweep { bodies, batch: &mut other, slopes: &mut *slopes, memories: Memories::none() },
+        );
         kernel.finish(&parameters.inertia(kernel.law().r), slopes);
     }
     (slopes, count)
@@ -153,7 +165,15 @@ fn measured(kernel: &dyn Kernel, set: InstructionSet, blocks: usize, what: What)
     };
     for block in &lists.blocks {
         let batch = &mut Batch::default();
-        let survey = Survey { r: 0.1, walls, bodies: &seated(block, &bodies, width), width, block, batch };
+        let survey = Survey {
+            r: 0.1,
+            walls,
+            bodies: &seated(block, &bodies, width),
+            width,
+            block,
+            batch,
+            memories: &[],
+        };
         match what {
             What::Stored => measure_gaps(set, survey, &kernel.stored_energy(), &mut take),
             What::Dissipated => kernel.measure_dissipation(survey, &mut take),

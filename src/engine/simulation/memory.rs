@@ -7,9 +7,9 @@
 //! A resumed run repeats that step. So it also repeats the frames within it, wherever the run was stopped.
 
 use super::physics::scene_kernel;
-use super::{Physics, Progress, Simulation, parameters};
+use super::{Physics, Progress, Simulation, cutoff, parameters};
 use crate::domain::{Comm, rows};
-use crate::engine::dynamics::{Dynamics, Extremes, Particles};
+use crate::engine::dynamics::{ContactRecords, Dynamics, Extremes, Particles};
 use crate::error::Error;
 use crate::math::vector::Vec3;
 use crate::model::columns::Columns;
@@ -30,8 +30,9 @@ pub struct Memory {
     pub direction_known: bool,
     /// Dissipation in the slope, W.
     dissipation: Dissipation,
-    /// Memory of the step control: the last error, and whether the last trial was rejected.
-    control: (Option<f64>, bool),
+    /// Memory of the step control: the last error, whether the last trial was rejected, and the lowest
+    /// error of long steps.
+    control: (Option<f64>, bool, Option<f64>),
     integrator: integrator::Memory,
     extremes: Extremes,
 }
@@ -58,6 +59,10 @@ pub struct Snapshot<'a> {
     pub slope: &'a [f64],
     /// The stiffest direction; empty unless known.
     pub direction: &'a [f64],
+    /// Contacts for which a row of `contacts` has room; 0 without friction that remembers.
+    pub contact_slots: u64,
+    /// Memories of the contacts of the owned particles; see [`ContactRecords`].
+    pub contacts: &'a [f64],
 }
 
 /// A run to be resumed: its memory, and the particles of this rank's block of ids, by id.
@@ -75,6 +80,10 @@ pub struct Remembered {
     pub slope: Vec<f64>,
     /// The stiffest direction; empty unless known.
     pub direction: Vec<f64>,
+    /// Contacts for which a row of `contacts` has room; 0 without friction that remembers.
+    pub contact_slots: u64,
+    /// Memories of the contacts of these particles; see [`ContactRecords`].
+    pub contacts: Vec<f64>,
 }
 
 impl<'c> Simulation<'c> {
@@ -114,7 +123,7 @@ impl<'c> Simulation<'c> {
         scale: f64,
         remembered: Remembered,
     ) -> Result<Self, Error> {
-        let Remembered { memory, constants, mut state, origin, mut slope, mut direction } = remembered;
+        let Remembered { memory, constants, mut state, origin, mut slope, mut direction, .. } = remembered;
         let ids = rows::block(count, comm.rank(), comm.size());
         // Particles at rest where they were when the lists were built.
         let width = state.len() / (ids.end - ids.start).max(1) as usize;
@@ -125,8 +134,13 @@ impl<'c> Simulation<'c> {
         let known = [true, memory.slope_known, memory.direction_known];
         let lists = [&mut state, &mut slope, &mut direction].into_iter().zip(known);
         let mut companions: Vec<_> = lists.filter_map(|(list, known)| known.then_some(list)).collect();
-        let particles = Particles { ids: ids.collect(), columns, constants, y: &mut at_origin };
+        let particles = Particles { ids: ids.clone().collect(), columns, constants, y: &mut at_origin };
         let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut companions)?;
+        dynamics.remember_within(cutoff(scene, scale));
+        let slots = remembered.contact_slots as usize;
+        let (first, vectors) = (ids.start, companions.len());
+        let records = ContactRecords::from_table(first, &remembered.contacts, slots, vectors);
+        dynamics.restore_contacts(records, &mut companions);
         let Progress { counts, .. } = memory.progress;
         dynamics.go_on_from(counts.rebuilds, counts.pairs);
         dynamics.commit(memory.extremes);
@@ -134,7 +148,8 @@ impl<'c> Simulation<'c> {
             dynamics.audit();
         }
         let mut simulation = Simulation::empty(scene, comm, dynamics, scale);
-        (simulation.control.before, simulation.control.rejected) = memory.control;
+        let control = &mut simulation.control;
+        (control.before, control.rejected, control.lowest) = memory.control;
         (simulation.progress, simulation.schedule.saved) = (memory.progress, memory.t);
         simulation.integrator.recall(&memory.integrator);
         simulation.choose_cutoff();
@@ -161,7 +176,7 @@ impl<'c> Simulation<'c> {
             slope_known: step_start.slope_known,
             direction_known: step_start.direction_known,
             dissipation: step_start.dissipation,
-            control: (control.before, control.rejected),
+            control: (control.before, control.rejected, control.lowest),
             integrator: self.integrator.memory(),
             extremes: dynamics.extremes(),
         });

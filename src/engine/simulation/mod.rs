@@ -124,6 +124,8 @@ impl<'c> Simulation<'c> {
         if scene.output.energy {
             dynamics.audit();
         }
+        dynamics.remember_within(cutoff(scene, scale));
+        dynamics.start_contacts(&mut y);
         let mut step_start = StepStart::new(0.0, y);
         dynamics.begin();
         let rhs = step_start.find_slope(&mut dynamics);
@@ -241,6 +243,7 @@ impl<'c> Simulation<'c> {
             }
             self.accept(reached, step.limit);
             self.dynamics.commit(extremes);
+            self.dynamics.follow_contacts(&mut self.step_start);
         }
     }
 

@@ -153,16 +153,25 @@ impl Simulation<'_> {
         let (step_start, dynamics) = (&self.step_start, &self.dynamics);
         let pairs = &mut memory.progress.counts.pairs;
         *pairs = dynamics.total_pairs(*pairs);
+        let slope = if memory.slope_known { &step_start.slope[..] } else { &[] };
+        let direction = if memory.direction_known { &step_start.direction[..] } else { &[] };
+        let vectors = [&step_start.y[..], slope, direction];
+        let known: Vec<&[f64]> = vectors.into_iter().filter(|vector| !vector.is_empty()).collect();
+        let (contact_slots, contacts) = dynamics.contact_table(&known);
+        let particles = dynamics.particle_numbers();
+        let [state, slope, direction] = vectors.map(|vector| &vector[..particles.min(vector.len())]);
         observer.checkpoint(&Snapshot {
             memory,
+            contact_slots: contact_slots as u64,
+            contacts: &contacts,
             count: dynamics.count(),
             ids: dynamics.ids(),
             columns: dynamics.columns(),
             constants: dynamics.constants(),
-            state: &step_start.y,
+            state,
             origin: dynamics.origin(),
-            slope: if memory.slope_known { &step_start.slope } else { &[] },
-            direction: if memory.direction_known { &step_start.direction } else { &[] },
+            slope,
+            direction,
         })?;
         self.schedule.saved = step_start.t;
         self.clock.output_seconds += clock.elapsed().as_secs_f64();
@@ -191,9 +200,10 @@ impl Simulation<'_> {
         self.progress.counts.pairs = dynamics.pair_evaluations();
         self.progress.counts.rebuilds = dynamics.rebuilds();
         let (potential_energy, largest_overlap) = dynamics.potential_energy(state);
+        let potential_energy = potential_energy + dynamics.remembered_energy(state);
         let (count, ids, columns) = (dynamics.count(), dynamics.ids(), dynamics.columns());
         let width = columns.width(Changes::EveryStage);
-        let mut shown = Cow::Borrowed(state);
+        let mut shown = Cow::Borrowed(&state[..dynamics.ids().len() * width]);
         if columns.rotation() {
             put_angular_velocities(shown.to_mut(), width, dynamics.law().r);
         }

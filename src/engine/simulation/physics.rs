@@ -5,9 +5,13 @@ use crate::engine::kernel::{Kernel, kernel};
 use crate::math::instructions::InstructionSet;
 use crate::model::columns::{Changes, Columns};
 use crate::model::effects::{Effects, Variant};
+use crate::model::history::{History, MEMORY};
 use crate::ode::integrator::{AutoPlan, Integrator};
 use crate::ode::{DORMAND_PRINCE, MERSON, MethodName, Norm, NormName, StepControl, StepRule};
 use crate::scene::{Scene, effects};
+
+/// Steps longer than this over the frequency of a contact are long, see `StepControl::long`.
+const LONG: f64 = 0.2;
 
 /// A contact law of one's own and other body parameters than those of the scene.
 pub struct Physics<'a> {
@@ -41,7 +45,16 @@ pub(super) fn error_control(scene: &Scene, scale: f64, columns: &Columns) -> (No
     // velocities: spins over the radius.
     let [x, v, s] = if paper { [1.0, 1.0, 1.0 / r] } else { [1.0 / r, 1.0 / scale, 1.0 / scale] };
     let weights = [x, x, x, v, v, v, s, s, s];
-    let norm = Norm { weights: vec![weights[..columns.width(Changes::EveryStage)].to_vec()], rate: paper };
+    let mut weights = vec![weights[..columns.width(Changes::EveryStage)].to_vec()];
+    let law = effects::law(scene);
+    if let Some(memory) = law.memory {
+        // The memory of a contact with the typical force m v^2/r is compared with its limit. In the published
+        // norm the shear counts as a length.
+        let typical = memory.mass * scale * scale / (r * law.f_0);
+        let weight = if paper { History::new(&law, memory, true).full_shear() } else { 1.0 / typical.sqrt() };
+        weights.push(vec![weight; MEMORY]);
+    }
+    let norm = Norm { weights, rate: paper };
     let control = match solver.step {
         Some(step) => StepControl::new(StepRule::Fixed, 1.0, step, step),
         None => {
@@ -50,7 +63,11 @@ pub(super) fn error_control(scene: &Scene, scale: f64, columns: &Columns) -> (No
             StepControl::new(rule, tolerance, solver.min_step, solver.max_step)
         }
     };
-    (norm, control)
+    // With memory contacts oscillate. The frequency of one that carries the typical force is v sqrt(kappa/r).
+    let frequency = scale * (law.kappa / r).sqrt();
+    let oscillates = law.memory.is_some() && control.rule == StepRule::ProportionalIntegral;
+    let long = if oscillates { LONG / frequency } else { f64::INFINITY };
+    (norm, StepControl { long, ..control })
 }
 
 /// Largest number of state vectors that the methods of the scene use.
@@ -67,11 +84,12 @@ pub fn state_vectors(scene: &Scene) -> usize {
 /// cheaper.
 pub(super) fn auto_plan(scene: &Scene) -> AutoPlan {
     let Effects { variant, dissipative } = Effects::of(scene);
+    let oscillates = effects::law(scene).memory.is_some();
     if variant == Variant::Basic {
         let reason = "without friction the motion is smooth";
-        AutoPlan { explicit: &DORMAND_PRINCE, reason, is_damped: dissipative }
+        AutoPlan { explicit: &DORMAND_PRINCE, reason, is_damped: dissipative, oscillates }
     } else {
-        AutoPlan { explicit: &MERSON, reason: "friction is not very smooth", is_damped: true }
+        AutoPlan { explicit: &MERSON, reason: "friction is not very smooth", is_damped: true, oscillates }
     }
 }
 

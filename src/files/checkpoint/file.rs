@@ -1,7 +1,9 @@
 //! The layout of a checkpoint file. All numbers are little-endian.
 
 use super::{FORMAT, Header};
+use crate::engine::simulation::Memory;
 use crate::model::columns::Changes;
+use crate::model::history::MEMORY;
 use std::ops::Range;
 
 /// The first bytes of every checkpoint.
@@ -22,9 +24,9 @@ pub struct Layout {
     pub header: u64,
     /// Number of particles.
     pub count: u64,
-    /// Numbers in one row of the tables state, constant columns, origin, slope and direction; 0 if a table
-    /// is missing.
-    pub widths: [u64; 5],
+    /// Numbers in one row of the tables state, constant columns, origin, slope, direction and contacts; 0 if a
+    /// table is missing.
+    pub widths: [u64; 6],
     /// Number of parts. A part is a block of rows with one checksum.
     pub parts: u64,
 }
@@ -35,7 +37,11 @@ impl Layout {
         let width = |changes| of.columns.width(changes) as u64;
         let (state, constants) = (width(Changes::EveryStage), width(Changes::WithLists));
         let known = |known: bool| if known { state } else { 0 };
-        let widths = [state, constants, 3, known(of.memory.slope_known), known(of.memory.direction_known)];
+        let Memory { slope_known, direction_known, .. } = of.memory;
+        let vectors = 1 + u64::from(slope_known) + u64::from(direction_known);
+        // The other particle of a contact, and the memory in every vector.
+        let contacts = of.contact_slots.saturating_mul(1 + MEMORY as u64 * vectors);
+        let widths = [state, constants, 3, known(slope_known), known(direction_known), contacts];
         Layout { header, count: of.count, widths, parts }
     }
 

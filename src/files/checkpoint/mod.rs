@@ -24,7 +24,7 @@ pub use read::{look, read, verify};
 pub use write::write;
 
 /// Version of the file format. The program reads no other one.
-pub const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 4;
 
 /// Everything in a checkpoint except the particles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -41,6 +41,8 @@ pub struct Header {
     pub count: u64,
     /// What a particle carries.
     pub columns: Columns,
+    /// Contacts of a particle whose memories have room in its row; 0 without friction that remembers.
+    pub contact_slots: u64,
     /// Speed that scales errors of velocity, m/s.
     pub velocity_scale: f64,
     /// Wall time of the run so far, s.

@@ -73,6 +73,8 @@ pub fn read(comm: &dyn Comm, path: &Path) -> Result<(Header, Remembered), Error>
             origin: table(2)?,
             slope: table(3)?,
             direction: table(4)?,
+            contact_slots: header.contact_slots,
+            contacts: table(5)?,
         };
         Ok((header, remembered))
     };
@@ -115,6 +117,10 @@ fn head(file: &File) -> Result<(Header, Layout), String> {
     // Every particle takes at least 48 bytes. With a larger count, the sums below could overflow.
     if header.count > there / 48 || parts > (there / PART).min(MOST_PARTS) {
         return Err(format!("it is cut off: {} particles in a file of {there} bytes", header.count));
+    }
+    // Every contact takes at least 32 bytes of every particle.
+    if header.contact_slots > there / 32 {
+        return Err(format!("it is cut off: {} contacts a particle", header.contact_slots));
     }
     let layout = Layout::new(&header, length, parts);
     if layout.length() != there {

@@ -89,6 +89,7 @@ impl Observer for Camera<'_> {
             scene: self.scene.resolved(),
             count: snapshot.count,
             columns: snapshot.columns.clone(),
+            contact_slots: snapshot.contact_slots,
             velocity_scale: self.scale,
             wall_seconds: 1.5,
             course: FrameSummary::default(),
@@ -294,9 +295,9 @@ fn a_file_that_is_cut_off_or_foreign_is_refused() {
     fs::write(&path, "t_end = 1\n".repeat(100)).unwrap();
     assert!(refusal(&path).unwrap().contains("it does not begin like one"));
     let mut newer = whole.clone();
-    newer[16] = 4;
+    newer[16] = 5;
     fs::write(&path, newer).unwrap();
-    assert!(refusal(&path).unwrap().contains("it has the format 4, and this program reads 3"));
+    assert!(refusal(&path).unwrap().contains("it has the format 5, and this program reads 4"));
     fs::remove_file(&path).unwrap();
     assert!(look(&path).is_none());
     fs::create_dir(&path).unwrap();

@@ -94,8 +94,8 @@ fn write_block(
     snapshot: &Snapshot,
 ) -> io::Result<u32> {
     let origin: Vec<f64> = snapshot.origin.iter().flatten().copied().collect();
-    let Snapshot { state, constants, slope, direction, .. } = *snapshot;
-    let tables = [state, constants, &origin, slope, direction];
+    let Snapshot { state, constants, slope, direction, contacts, .. } = *snapshot;
+    let tables = [state, constants, &origin, slope, direction, contacts];
     let mut file = File::options().write(true).open(path);
     let mut hasher = Hasher::new();
     for (k, table) in tables.into_iter().enumerate() {

@@ -1,0 +1,328 @@
+//! The memories of contacts as a whole: how they follow their particles, and how they are saved.
+//!
+//! In the state a memory belongs to a row of `engine::forces`. Between lists, ranks and processes it belongs
+//! to two ids: a record holds it for the contact as the particle with the lower id sees it.
+
+use super::Dynamics;
+use crate::domain::{Comm, Parcels};
+use crate::math::larger;
+use crate::model::history::MEMORY;
+use crate::ode::{Segment, StepStart};
+use std::collections::HashMap;
+
+/// Which contacts have a row.
+#[derive(Debug, Default)]
+pub(super) struct Contacts {
+    /// Ids of the first and the second body of every row, see `Forces::contact_keys`.
+    pub(super) keys: Vec<[u64; 2]>,
+    /// Whether the row is counted here. Over all ranks every contact counts once.
+    pub(super) counted: Vec<bool>,
+}
+
+/// Memories of contacts in some vectors, by ids.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ContactRecords {
+    /// Number of vectors.
+    vectors: usize,
+    /// The lower and the higher id of each, ascending; a wall counts from `FIRST_WALL` on.
+    keys: Vec<[u64; 2]>,
+    /// For each the memory in every vector.
+    numbers: Vec<f64>,
+}
+
+/// -1 where the first body of a contact has the higher id.
+fn sign(key: [u64; 2]) -> f64 {
+    if key[0] > key[1] { -1.0 } else { 1.0 }
+}
+
+fn sorted(key: [u64; 2]) -> [u64; 2] {
+    [key[0].min(key[1]), key[0].max(key[1])]
+}
+
+impl ContactRecords {
+    /// The rows with these `keys` in the `tails` of some vectors.
+    fn of(keys: &[[u64; 2]], tails: &[&[f64]]) -> Self {
+        let mut order: Vec<usize> = (0..keys.len()).collect();
+        order.sort_unstable_by_key(|&row| sorted(keys[row]));
+        // A pair of two blocks has two rows with the same numbers.
+        order.dedup_by_key(|row| sorted(keys[*row]));
+        let mut records = ContactRecords { vectors: tails.len(), ..Self::default() };
+        for row in order {
+            records.keys.push(sorted(keys[row]));
+            for tail in tails {
+                let memory = &tail[row * MEMORY..(row + 1) * MEMORY];
+                records.numbers.extend(memory.iter().map(|number| sign(keys[row]) * number));
+            }
+        }
+        records
+    }
+
+    /// Numbers of a record.
+    fn width(&self) -> usize {
+        self.vectors * MEMORY
+    }
+
+    /// Sends every record to the ranks that will own its particles. Collective.
+    ///
+    /// Particle `ids[i]` of this rank goes to rank `owners[i]`.
+    pub fn follow(&mut self, comm: &dyn Comm, ids: &[u64], owners: &[usize]) {
+        if comm.size() == 1 {
+            return;
+        }
+        let owner: HashMap<u64, usize> = ids.iter().copied().zip(owners.iter().copied()).collect();
+        let targets = |key: &[u64; 2]| {
+            let [a, b] = key.map(|id| owner.get(&id).copied());
+            [a, b.filter(|_| a != b)].into_iter().flatten()
+        };
+        self.exchange(comm, &targets);
+    }
+
+    /// Sends every record to all ranks. Collective.
+    pub fn share(&mut self, comm: &dyn Comm) {
+        self.exchange(comm, &|_| 0..comm.size());
+    }
+
+    /// Sends every record to its targets, and keeps those whose targets include this rank.
+    fn exchange<T: Iterator<Item = usize>>(&mut self, comm: &dyn Comm, targets: &dyn Fn(&[u64; 2]) -> T) {
+        let (own, parcel) = (comm.rank(), 2 + self.width());
+        let mut to: Vec<Vec<f64>> = vec![Vec::new(); comm.size()];
+        for (key, numbers) in self.keys.iter().zip(self.numbers.chunks_exact(self.width().max(1))) {
+            for rank in targets(key) {
+                // Ids are sent as doubles, which are exact below 2^53.
+                to[rank].extend(key.map(|id| id as f64));
+                to[rank].extend_from_slice(numbers);
+            }
+        }
+        let mut all = std::mem::take(&mut to[own]);
+        let counts: Vec<u64> = to.iter().map(|numbers| numbers.len() as u64).collect();
+        let mut incoming = Parcels::with_counts(&comm.transpose(&counts));
+        let mut outgoing = Parcels::with_counts(&counts);
+        outgoing.data = to.concat();
+        comm.exchange(&outgoing, &mut incoming);
+        all.extend_from_slice(&incoming.data);
+        let mut parcels: Vec<&[f64]> = all.chunks_exact(parcel).collect();
+        let key = |parcel: &[f64]| [parcel[0] as u64, parcel[1] as u64];
+        parcels.sort_by_key(|parcel| key(parcel));
+        parcels.dedup_by_key(|parcel| key(parcel));
+        self.keys = parcels.iter().map(|parcel| key(parcel)).collect();
+        self.numbers = parcels.iter().flat_map(|parcel| &parcel[2..]).copied().collect();
+    }
+
+    /// The records as a table with one row for each of the particles `ids`: for every contact of which the
+    /// particle has the lower id, the other id plus 1 and the numbers; then zeros. Collective.
+    ///
+    /// Also returns the number of contacts for which a row has room.
+    fn table(&self, comm: &dyn Comm, ids: &[u64]) -> (usize, Vec<f64>) {
+        let place: HashMap<u64, usize> = ids.iter().copied().zip(0..).collect();
+        let mut counts = vec![0; ids.len()];
+        let own = self.keys.iter().filter_map(|key| place.get(&key[0]));
+        own.for_each(|&i| counts[i] += 1);
+        let mut most = [counts.iter().fold(0.0, |most, &count| larger(most, f64::from(count)))];
+        comm.max(&mut most);
+        let (slots, slot) = (most[0] as usize, 1 + self.width());
+        let mut table = vec![0.0; ids.len() * slots * slot];
+        let mut next: Vec<usize> = (0..ids.len()).map(|i| i * slots * slot).collect();
+        for (key, numbers) in self.keys.iter().zip(self.numbers.chunks_exact(self.width().max(1))) {
+            if let Some(&i) = place.get(&key[0]) {
+                table[next[i]] = (key[1] + 1) as f64;
+                table[next[i] + 1..next[i] + slot].copy_from_slice(numbers);
+                next[i] += slot;
+            }
+        }
+        (slots, table)
+    }
+
+    /// The records in the rows of a table for the particles from `first` on, with `slots` contacts of some
+    /// `vectors` in each row.
+    pub fn from_table(first: u64, table: &[f64], slots: usize, vectors: usize) -> Self {
+        let slot = 1 + vectors * MEMORY;
+        let mut records = ContactRecords { vectors, ..Self::default() };
+        for (id, row) in (first..).zip(table.chunks_exact((slots * slot).max(1))) {
+            for numbers in row.chunks_exact(slot).filter(|numbers| numbers[0] > 0.0) {
+                records.keys.push([id, numbers[0] as u64 - 1]);
+                records.numbers.extend_from_slice(&numbers[1..]);
+            }
+        }
+        records
+    }
+}
+
+impl Dynamics<'_> {
+    /// Numbers of a vector that belong to the particles.
+    pub fn particle_numbers(&self) -> usize {
+        self.layout.whole(0).len
+    }
+
+    /// From now on contacts have a memory while their gap is at most `gap` (m) at an accepted state.
+    pub fn remember_within(&mut self, gap: f64) {
+        self.forces.remember_within(gap);
+    }
+
+    /// Gives a memory of 0 to the contacts within reach at `y`, which gets their rows. Collective.
+    pub fn start_contacts(&mut self, y: &mut Vec<f64>) {
+        if self.forces.memory_width() == 0 {
+            return;
+        }
+        self.put_bodies(y);
+        self.forces.find_contacts();
+        self.forces.take_contacts();
+        y.resize(self.particle_numbers() + self.forces.memory_rows() * MEMORY, 0.0);
+        self.note_contacts();
+    }
+
+    /// Takes over the contacts of a newly accepted state, which the last trial has found.
+    pub fn follow_contacts(&mut self, step_start: &mut StepStart) {
+        let Some(turnover) = self.forces.take_contacts() else { return };
+        let particles = self.particle_numbers();
+        let StepStart { y, slope, slope_known, direction, direction_known, .. } = step_start;
+        let follow = |vector: &mut Vec<f64>, first: &[[f64; MEMORY]]| {
+            let old = vector.split_off(particles);
+            let mut first = first.iter();
+            for &source in &turnover.sources {
+                let start = source as usize * MEMORY;
+                match old.get(start..start + MEMORY) {
+                    Some(memory) => vector.extend_from_slice(memory),
+                    None => vector.extend(first.next().unwrap_or(&[0.0; MEMORY])),
+                }
+            }
+        };
+        follow(y, &[]);
+        if *slope_known {
+            follow(slope, &turnover.first_rates);
+        }
+        if *direction_known {
+            follow(direction, &[]);
+        }
+        self.note_contacts();
+    }
+
+    /// Takes note of the rows that the contacts have now.
+    fn note_contacts(&mut self) {
+        let keys = self.forces.contact_keys(&self.domain.ids);
+        (self.contacts.keys, self.contacts.counted) = keys.unzip();
+        let rows = self.contacts.keys.len();
+        self.layout.0.truncate(1);
+        self.layout.0.push(Segment { rows, width: MEMORY, positions: 0 });
+    }
+
+    /// Takes the memories out of some vectors, which then hold particles only.
+    pub(super) fn take_records(&self, vectors: &mut [&mut Vec<f64>]) -> ContactRecords {
+        let particles = self.particle_numbers();
+        let tails: Vec<&[f64]> = vectors.iter().map(|vector| &vector[particles..]).collect();
+        let records = ContactRecords::of(&self.contacts.keys, &tails);
+        vectors.iter_mut().for_each(|vector| vector.truncate(particles));
+        records
+    }
+
+    /// Puts the memories of `records` to the ends of the vectors, for the contacts on new lists.
+    pub(super) fn put_records(&mut self, records: &ContactRecords, vectors: &mut [&mut Vec<f64>]) {
+        if self.forces.memory_width() == 0 {
+            return;
+        }
+        let place: HashMap<[u64; 2], usize> = records.keys.iter().copied().zip(0..).collect();
+        self.forces.assign_rows(&self.domain.ids, &|key| place.contains_key(&sorted(key)));
+        self.note_contacts();
+        let width = records.width();
+        for (k, vector) in vectors.iter_mut().enumerate() {
+            for &key in &self.contacts.keys {
+                let start = place[&sorted(key)] * width + k * MEMORY;
+                let memory = &records.numbers[start..start + MEMORY];
+                vector.extend(memory.iter().map(|number| sign(key) * number));
+            }
+        }
+    }
+
+    /// Puts back memories that were saved, to the ends of the vectors. Collective.
+    pub fn restore_contacts(&mut self, mut records: ContactRecords, vectors: &mut [&mut Vec<f64>]) {
+        records.share(self.domain.comm);
+        self.put_records(&records, vectors);
+    }
+
+    /// The memories of contacts in some vectors as a table for a checkpoint; see `ContactRecords::table`.
+    /// Collective.
+    pub fn contact_table(&self, vectors: &[&[f64]]) -> (usize, Vec<f64>) {
+        if self.forces.memory_width() == 0 {
+            return (0, Vec::new());
+        }
+        let particles = self.particle_numbers();
+        let tails: Vec<&[f64]> = vectors.iter().map(|vector| &vector[particles..]).collect();
+        ContactRecords::of(&self.contacts.keys, &tails).table(self.domain.comm, self.ids())
+    }
+
+    /// Energies that the memories at the end of `y` store, by row, J; 0 where another rank counts the
+    /// contact.
+    pub(super) fn stored_in_memories<'a>(&'a self, y: &'a [f64]) -> impl Fn(usize) -> f64 + Sync + use<'a> {
+        let (kernel, counted) = (&*self.forces.kernel, &self.contacts.counted);
+        let tail = &y[self.particle_numbers()..];
+        move |row: usize| {
+            let memory = &tail[row * MEMORY..(row + 1) * MEMORY];
+            if counted[row] { kernel.stored_in_memory(memory) } else { 0.0 }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::comm::team::team;
+    use crate::domain::rows;
+
+    /// The contact of every particle with the next one but two, and of every fifth with a wall.
+    fn contacts(count: u64) -> Vec<[u64; 2]> {
+        let pairs = (0..count).filter(|id| id + 3 < count).map(|id| [id, id + 3]);
+        pairs.chain((0..count).step_by(5).map(|id| [id, (1 << 52) + id % 2])).collect()
+    }
+
+    /// The memory of a contact in vector `k`, as the lower id sees it.
+    fn memory(key: [u64; 2], k: usize) -> [f64; MEMORY] {
+        [key[0] as f64 + 0.5, (key[1] % 1000) as f64, k as f64 - 1.0]
+    }
+
+    /// Records of the contacts with a particle that `is_own`, from rows with the bodies in either order.
+    fn records(count: u64, is_own: &dyn Fn(u64) -> bool) -> ContactRecords {
+        let own = |key: &[u64; 2]| is_own(key[0]) || key[1] < count && is_own(key[1]);
+        let keys = contacts(count).into_iter().filter(own);
+        let flip = |key: [u64; 2]| if key[1] < count && key[0] % 2 == 1 { [key[1], key[0]] } else { key };
+        // A pair of two blocks has two rows.
+        let keys: Vec<[u64; 2]> = keys.flat_map(|key| [flip(key), flip(key)]).collect();
+        let tail = |k: usize| -> Vec<f64> {
+            keys.iter().flat_map(|&key| memory(sorted(key), k).map(|number| sign(key) * number)).collect()
+        };
+        ContactRecords::of(&keys, &[&tail(0), &tail(1)])
+    }
+
+    #[test]
+    fn records_follow_both_of_their_particles() {
+        for ranks in 1..=4 {
+            team(ranks, |comm| {
+                let before = |id: u64| (id * 7 % ranks as u64) as usize;
+                let after = |id: u64| (id * 5 % 11 % ranks as u64) as usize;
+                let ids: Vec<u64> = (0..50).filter(|&id| before(id) == comm.rank()).collect();
+                let owners: Vec<usize> = ids.iter().map(|&id| after(id)).collect();
+                let mut found = records(50, &|id| before(id) == comm.rank());
+                found.follow(comm, &ids, &owners);
+                assert_eq!(found, records(50, &|id| after(id) == comm.rank()));
+            });
+        }
+    }
+
+    #[test]
+    fn a_table_of_records_is_read_back_by_any_ranks() {
+        for ranks in [1, 3] {
+            team(ranks, |comm| {
+                let own = |id: u64| (id % ranks as u64) as usize == comm.rank();
+                let ids: Vec<u64> = (0..50).filter(|&id| own(id)).collect();
+                let (slots, table) = records(50, &own).table(comm, &ids);
+                // A particle has the lower id in one pair and one wall at most.
+                assert_eq!(slots, 2);
+                let width = slots * (1 + 2 * MEMORY);
+                let by_id = rows::ById::new(comm, 50, &ids, &table, width);
+                let block: Vec<f64> = by_id.iter().flatten().copied().collect();
+                let first = rows::block(50, comm.rank(), ranks).start;
+                let mut found = ContactRecords::from_table(first, &block, slots, 2);
+                found.share(comm);
+                assert_eq!(found, records(50, &|_| true));
+            });
+        }
+    }
+}
