@@ -23,7 +23,7 @@ impl Ivp for Planet {
     }
     fn agree(&mut self, _y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
         // One process, one segment: the error of all rows is that of its only part.
-        TrialOutcome { error: finish(self.layout.whole(0), next), covered: true, within_travel: true }
+        TrialOutcome { error: finish(self.layout.whole(0), next).error(), covered: true, within_travel: true }
     }
     // The last three matter to methods that estimate the stiffness: `Chebyshev`, and `auto`.
     fn length(&mut self, v: &[f64]) -> f64 {
@@ -44,7 +44,7 @@ fn main() {
 
     let mut method = RungeKutta::new(&DORMAND_PRINCE);
     let mut control = StepControl::new(StepRule::ProportionalIntegral, 1e-9, 1e-9, 0.5);
-    let norm = Norm { weights: vec![vec![1.0; 4]], rate: false };
+    let norm = Norm { weights: vec![vec![1.0; 4]], rate: false, mean: None };
     let (mut start, mut trial) = (StepStart::new(0.0, nearest.to_vec()), TrialStep::default());
     let (mut h, mut accepted, mut evaluations) = (1e-3, 0, 0);
     while start.t < period {

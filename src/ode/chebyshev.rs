@@ -7,8 +7,8 @@
 //! right-hand sides cover a stiffness for which a classical method would need s^2/5 steps.
 
 use super::{
-    Dissipation, Ivp, Layout, Method, MethodName, Norm, Part, SpectralRadius, Stage, StepStart, TrialOutcome,
-    TrialStep, add_dissipation, hermite,
+    Dissipation, Errors, Ivp, Layout, Method, MethodName, Norm, Part, SpectralRadius, Stage, StepStart,
+    TrialOutcome, TrialStep, add_dissipation, hermite,
 };
 
 /// Damping epsilon: the polynomials stay below 1 - epsilon/3 in magnitude.
@@ -158,16 +158,16 @@ impl Chebyshev {
         STRONG_INTERVAL * ((MOST_STAGES * MOST_STAGES) as f64 - 1.0)
     }
 
-    /// Largest estimate of the local error over the rows `part`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
+    /// Estimates of the local error of the rows `part`: 4/5 (y_n - y_{n+1}) + 2/5 h (F_n + F_{n+1}).
     ///
     /// `next` and `slope` hold these rows only.
-    fn error(
+    fn errors(
         part: Part,
         h: f64,
         norm: &Norm,
         step_start: &StepStart,
         (next, slope): (&[f64], &[f64]),
-    ) -> f64 {
+    ) -> Errors {
         let (y, first) = (&step_start.y, &step_start.slope);
         let weight = 0.4 * h;
         let error = |k: usize| {
@@ -175,7 +175,8 @@ impl Chebyshev {
             0.0 + y[k] * 0.8 + next[i] * -0.8 + first[k] * weight + slope[i] * weight
         };
         let scale = if norm.rate { 3.0 / h } else { 1.0 };
-        scale * norm.largest(part, error)
+        let errors = norm.errors(part, error);
+        Errors { largest: scale * errors.largest, ..errors }
     }
 }
 
@@ -281,7 +282,7 @@ impl Method for Chebyshev {
         (trial.slope_known, trial.dissipation, trial.dissipated) = (true, dissipation, dissipated[0]);
         let TrialStep { next, slope, .. } = trial;
         let error = |part: Part, rows: &mut [f64]| {
-            Self::error(part, h, norm, step_start, (rows, &slope[part.range()]))
+            Self::errors(part, h, norm, step_start, (rows, &slope[part.range()]))
         };
         ivp.agree(&step_start.y, next, &error)
     }
@@ -308,7 +309,7 @@ impl Method for Chebyshev {
 
     fn error_of(&self, part: Part, h: f64, norm: &Norm, step_start: &StepStart, trial: &TrialStep) -> f64 {
         let ends = (&trial.next[part.range()], &trial.slope[part.range()]);
-        Self::error(part, h, norm, step_start, ends)
+        Self::errors(part, h, norm, step_start, ends).largest
     }
 
     fn stages(&self) -> usize {

@@ -135,7 +135,7 @@ fn long_step(lowest: &mut Option<f64>, error: f64, wanted: (f64, Limit)) -> (f64
     let error = error.max(LEAST_LOW);
     let before = lowest.unwrap_or(f64::INFINITY);
     let most = if error <= before {
-        1.1
+        1.2
     } else if error <= 3.0 * before {
         0.97
     } else {
@@ -321,18 +321,18 @@ mod tests {
         let is = |found: (f64, Limit), expected: f64| {
             assert!((found.0 - expected).abs() < 1e-12 && found.1 == Limit::Stability, "{found:?}");
         };
-        is(factor(2e-2, 1e-4), 1.1);
-        is(factor(2e-2, 0.5e-4), 1.1);
+        is(factor(2e-2, 1e-4), 1.2);
+        is(factor(2e-2, 0.5e-4), 1.2);
         is(factor(2e-2, 1e-4), 0.97);
         is(factor(2e-2, 2e-4), 0.7);
         // Now that error is the lowest.
-        is(factor(2e-2, 1.9e-4), 1.1);
+        is(factor(2e-2, 1.9e-4), 1.2);
         // Rounding is no motion.
-        is(factor(2e-2, 1e-14), 1.1);
-        is(factor(2e-2, 9e-12), 1.1);
+        is(factor(2e-2, 1e-14), 1.2);
+        is(factor(2e-2, 9e-12), 1.2);
         // A short step follows its error, and forgets what was.
         assert_ne!(factor(1e-2, 1e-4).1, Limit::Stability);
-        is(factor(2e-2, 1e-3), 1.1);
+        is(factor(2e-2, 1e-3), 1.2);
         // What the error forbids stays forbidden.
         assert_eq!(factor(2e-2, 0.09).1, Limit::Error);
     }

@@ -5,6 +5,7 @@
 
 pub mod chebyshev;
 pub mod controller;
+mod errors;
 pub mod integrator;
 pub mod method_switch;
 mod names;
@@ -18,6 +19,7 @@ pub mod verlet;
 
 pub use chebyshev::Chebyshev;
 pub use controller::{Decision, Limit, StepControl, StepRule};
+pub use errors::Errors;
 pub use names::{MethodName, NormName};
 pub use rows::{Layout, Norm, Part, Rows, Segment, largest_magnitude};
 pub use runge_kutta::RungeKutta;
@@ -28,7 +30,7 @@ pub use verlet::Verlet;
 /// Outcome of a trial step, the same on all processes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrialOutcome {
-    /// Largest error over all components of all rows; +infinity where anything is not finite.
+    /// Error of the step, of all rows; +infinity where anything is not finite.
     pub error: f64,
     /// What the problem has prepared near the start of the step was valid at every stage and at the result.
     /// If not, the trial says nothing about the step.
@@ -55,8 +57,8 @@ pub struct Stage<'a> {
 /// Makes the stage of some rows; see [`Ivp::rhs_of`].
 pub type MakeStage<'f> = dyn Fn(Stage) + Sync + 'f;
 
-/// Completes some rows of a result and returns their largest error; see [`Ivp::agree`].
-pub type FinishRows<'f> = dyn Fn(Part, &mut [f64]) -> f64 + Sync + 'f;
+/// Completes some rows of a result and returns their errors; see [`Ivp::agree`].
+pub type FinishRows<'f> = dyn Fn(Part, &mut [f64]) -> Errors + Sync + 'f;
 
 /// No vectors for `make`.
 pub(crate) fn no_vectors<'a>() -> [&'a mut [f64]; VECTORS] {
@@ -94,7 +96,7 @@ pub(crate) fn no_vectors<'a>() -> [&'a mut [f64]; VECTORS] {
 ///         dydt[0] = -y[0];
 ///     }
 ///     fn agree(&mut self, _y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
-///         TrialOutcome { error: finish(self.layout.whole(0), next), covered: true, within_travel: true }
+///         TrialOutcome { error: finish(self.layout.whole(0), next).error(), covered: true, within_travel: true }
 ///     }
 ///     fn length(&mut self, v: &[f64]) -> f64 {
 ///         v[0].abs()
@@ -108,7 +110,7 @@ pub(crate) fn no_vectors<'a>() -> [&'a mut [f64]; VECTORS] {
 /// }
 ///
 /// let mut decay = Decay { layout: Layout(vec![Segment { rows: 1, width: 1, positions: 0 }]) };
-/// let norm = Norm { weights: vec![vec![1.0]], rate: false };
+/// let norm = Norm { weights: vec![vec![1.0]], rate: false, mean: None };
 /// let (mut start, mut trial) = (StepStart::new(0.0, vec![1.0]), TrialStep::default());
 /// let outcome = RungeKutta::new(&MERSON).attempt(&mut decay, &mut start, 0.1, &norm, &mut trial);
 /// assert!((trial.next[0] - (-0.1f64).exp()).abs() < 1e-7);
@@ -182,11 +184,11 @@ pub trait Ivp {
     /// Ends the step that `begin` started from `y`. Its result is `next`. Collective.
     ///
     /// `finish(part, rows)` completes the consecutive rows `part` of `next`, which it receives as `rows`. It
-    /// returns the largest error of these rows.
+    /// returns the errors of these rows.
     ///
     /// - `finish` is called exactly once for every row. The parts may have any size and come in any order,
     ///   and several threads may call it at once.
-    /// - All processes receive the same outcome, with the largest error of all rows.
+    /// - All processes receive the same outcome, with the error of all rows together.
     fn agree(&mut self, y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome;
     /// Length of the vector `v` of the state space, over all processes. Collective.
     ///

@@ -66,6 +66,8 @@ named! {
     NormName, "the name of a norm" {
         /// Positions over the radius, velocities over a velocity scale.
         Scaled = "scaled",
+        /// As scaled, and of the errors of all rows their contraharmonic mean.
+        Mean = "mean",
         /// The published error rate, with components in different units.
         Paper = "paper",
     }

@@ -3,6 +3,7 @@
 //! A segment holds rows of one kind, one after the other. All rows of a segment have the same columns. A
 //! vector holds the segments one after the other.
 
+use super::Errors;
 use crate::math::larger;
 use crate::threads::Cut;
 use std::ops::Range;
@@ -168,7 +169,7 @@ impl Cut for Rows<'_> {
 ///
 /// let part = Layout(vec![Segment { rows: 2, width: 2, positions: 1 }]).whole(0);
 /// // Positions count ten times as much as velocities.
-/// let norm = Norm { weights: vec![vec![10.0, 1.0]], rate: false };
+/// let norm = Norm { weights: vec![vec![10.0, 1.0]], rate: false, mean: None };
 /// let errors = [0.01, -0.3, 0.02, f64::NAN];
 /// assert_eq!(norm.largest(part.rows(0..1), |k| errors[k]), 0.3);
 /// assert_eq!(norm.largest(part, |k| errors[k]), f64::INFINITY);
@@ -181,9 +182,22 @@ pub struct Norm {
     /// Whether the error is a rate, as in the paper: 3/h times the local error, as published for Merson's
     /// method. Otherwise it is the local error itself.
     pub rate: bool,
+    /// For a mean of the errors of rows the tolerance; none where the largest error counts. See [`Errors`].
+    pub mean: Option<f64>,
 }
 
 impl Norm {
+    /// Errors of the rows of `part`, with the weighted magnitude of `value(k)` as in `largest`.
+    pub fn errors(&self, part: Part, value: impl Fn(usize) -> f64) -> Errors {
+        if self.mean.is_none() {
+            return Errors::largest(self.largest(part, value));
+        }
+        let rows = 0..part.len / part.width.max(1);
+        let of = |i: usize| Errors::of_row(self.largest(part.rows(i..i + 1), &value), self.mean);
+        let none = Errors { tolerance: self.mean.unwrap_or(0.0), ..Errors::default() };
+        rows.map(of).fold(none, Errors::merge)
+    }
+
     /// Largest weighted magnitude of `value(k)` over the numbers k of `part`; NaN counts as +infinity.
     ///
     /// The index k counts from the start of the vector.
@@ -253,7 +267,7 @@ mod tests {
         for width in [2, 6, 9] {
             let layout = Layout(vec![Segment { rows: 3, width, positions: 1 }]);
             let weights = (0..width).map(|c| if c == 1 { 10.0 } else { 1.0 }).collect();
-            let norm = Norm { weights: vec![weights], rate: false };
+            let norm = Norm { weights: vec![weights], rate: false, mean: None };
             let mut y = vec![1.0; 3 * width];
             y[width + 1] = -2.0;
             y[2 * width] = 7.0;

@@ -1,8 +1,8 @@
 //! Trial steps of any explicit Runge-Kutta method, given as a table.
 
 use super::{
-    Dissipation, Ivp, Layout, Method, MethodName, Norm, Part, Stage, StepStart, Tableau, TrialOutcome,
-    TrialStep, add_dissipation,
+    Dissipation, Errors, Ivp, Layout, Method, MethodName, Norm, Part, Stage, StepStart, Tableau,
+    TrialOutcome, TrialStep, add_dissipation,
 };
 
 /// Largest number of stages of a table.
@@ -50,10 +50,10 @@ impl RungeKutta {
         slopes
     }
 
-    /// Largest error of the rows `part`, in the given norm.
-    fn error(&self, part: Part, h: f64, norm: &Norm, slopes: &Slopes) -> f64 {
+    /// Errors of the rows `part`, in the given norm.
+    fn errors(&self, part: Part, h: f64, norm: &Norm, slopes: &Slopes) -> Errors {
         let weights = Weights::new(self.tableau.error, if norm.rate { 1.0 } else { h / 3.0 });
-        norm.largest(part, |k| weights.sum(slopes, k))
+        norm.errors(part, |k| weights.sum(slopes, k))
     }
 }
 
@@ -198,7 +198,7 @@ impl Method for RungeKutta {
                 let slopes = slopes.map(|slope| if slope.is_empty() { slope } else { &slope[part.range()] });
                 weights.add_to(&y[part.range()], &slopes, rows);
             }
-            self.error(part, h, norm, &slopes)
+            self.errors(part, h, norm, &slopes)
         };
         let outcome = ivp.agree(y, next, &finish);
         trial.evaluations += table.stages() as u64 - 1;
@@ -233,7 +233,7 @@ impl Method for RungeKutta {
     }
 
     fn error_of(&self, part: Part, h: f64, norm: &Norm, step_start: &StepStart, trial: &TrialStep) -> f64 {
-        self.error(part, h, norm, &self.slopes(&step_start.slope, &trial.slope, &trial.stages))
+        self.errors(part, h, norm, &self.slopes(&step_start.slope, &trial.slope, &trial.stages)).largest
     }
 
     fn stages(&self) -> usize {

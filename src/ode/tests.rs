@@ -45,7 +45,7 @@ impl<F: Fn(f64, &Point) -> f64> Ivp for Points<F> {
         dydt.copy_from_slice(&[y[1], (self.force)(t, &point(y))]);
     }
     fn agree(&mut self, _y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
-        TrialOutcome { error: finish(self.layout.whole(0), next), covered: true, within_travel: true }
+        TrialOutcome { error: finish(self.layout.whole(0), next).error(), covered: true, within_travel: true }
     }
     fn length(&mut self, v: &[f64]) -> f64 {
         v.iter().map(|number| number * number).sum::<f64>().sqrt()
@@ -416,7 +416,7 @@ fn a_second_segment_is_integrated_with_the_order_of_the_method() {
     let run = |method: &mut dyn Method, steps: u32| {
         let mut ivp = Chain::new();
         let mut step_start = StepStart::new(0.0, Chain::start());
-        let norm = Norm { weights: vec![vec![1.0; 2], vec![1.0]], rate: false };
+        let norm = Norm { weights: vec![vec![1.0; 2], vec![1.0]], rate: false, mean: None };
         let (mut trial, h) = (TrialStep::default(), 1.0 / f64::from(steps));
         for k in 0..steps {
             method.stable_step(&mut ivp, &mut step_start, &mut trial);

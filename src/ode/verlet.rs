@@ -7,8 +7,8 @@
 //! velocities.
 
 use super::{
-    Ivp, Layout, Method, MethodName, Norm, Part, Stage, StepStart, TrialOutcome, TrialStep, add_dissipation,
-    largest_magnitude,
+    Errors, Ivp, Layout, Method, MethodName, Norm, Part, Stage, StepStart, TrialOutcome, TrialStep,
+    add_dissipation, largest_magnitude,
 };
 
 /// The method. It carries nothing over from step to step.
@@ -54,7 +54,7 @@ impl Method for Verlet {
         let finish = |part: Part, rows: &mut [f64]| {
             part.kick(0.5 * h, &slope[part.range()], rows);
             // There is no error estimate: a step is accepted if it is finite.
-            if largest_magnitude(rows) < f64::INFINITY { 0.0 } else { f64::INFINITY }
+            Errors::largest(if largest_magnitude(rows) < f64::INFINITY { 0.0 } else { f64::INFINITY })
         };
         ivp.agree(y, next, &finish)
     }

@@ -337,6 +337,10 @@ impl Scene {
             .map_err(|mistake| source.error(mistake.span(), mistake.message()))?;
         scene.fill_in_output(name);
         scene.fill_in_tolerance();
+        let remembers = scene.friction.as_ref().is_some_and(|friction| friction.law == FrictionLaw::History);
+        if remembers && source.key("solver.norm").is_none() {
+            scene.solver.norm = NormName::Mean;
+        }
         check::relations(&source, &scene)?;
         Ok(scene)
     }

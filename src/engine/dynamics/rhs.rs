@@ -1,8 +1,8 @@
 //! The right-hand side at a stage, and what the methods of `ode` ask of this problem.
 
-use super::decomposition::Decomposition;
+use super::decomposition::{Decomposition, gather};
 use super::{Dynamics, Extremes, Fault, FaultSearch};
-use crate::domain::{exact, migration};
+use crate::domain::{Comm, exact, migration};
 use crate::engine::forces::{CHUNK, StageMaker};
 use crate::error::StopRequest;
 use crate::math::larger;
@@ -11,7 +11,7 @@ use crate::model::columns::{SPIN, VELOCITY, position, spin, velocity};
 use crate::model::contact::LawParameters;
 use crate::model::history::MEMORY;
 use crate::ode::{
-    Dissipation, FinishRows, Ivp, Layout, MakeStage, Part, Rows, Stage, TrialOutcome, VECTORS,
+    Dissipation, Errors, FinishRows, Ivp, Layout, MakeStage, Part, Rows, Stage, TrialOutcome, VECTORS,
     largest_magnitude, no_vectors,
 };
 use crate::threads;
@@ -89,6 +89,29 @@ impl Dynamics<'_> {
                 self.fault_search = FaultSearch::Found(Fault { t, state, slope });
             }
         }
+    }
+}
+
+/// Brings the largest of the `shared` numbers of all ranks, and their errors together, to every rank, in one
+/// collective call. The first shared number is the largest error.
+fn share(comm: &dyn Comm, shared: &mut [f64; 7], errors: &mut Errors) {
+    if errors.tolerance == 0.0 {
+        comm.max(shared);
+        errors.largest = shared[0];
+        return;
+    }
+    // Halves of integers are exact as doubles.
+    let halves = errors.sums.map(|sum| [(sum >> 32) as f64, (sum & 0xffff_ffff) as f64]);
+    let own: [f64; 11] =
+        std::array::from_fn(|k| if k < 7 { shared[k] } else { halves.as_flattened()[k - 7] });
+    let all = gather(comm, own);
+    let (tolerance, none) = (errors.tolerance, Errors::default());
+    *errors = all.iter().fold(none, |errors, of_rank| {
+        let sum = |k: usize| ((of_rank[k] as u64) << 32) | of_rank[k + 1] as u64;
+        errors.merge(Errors { largest: of_rank[0], sums: [sum(7), sum(9)], tolerance })
+    });
+    for (k, shared) in shared.iter_mut().enumerate() {
+        *shared = all.iter().fold(f64::NEG_INFINITY, |most, of_rank| larger(most, of_rank[k]));
     }
 }
 
@@ -206,35 +229,49 @@ impl Ivp for Dynamics<'_> {
         let clock = Instant::now();
         let whole = self.layout.whole(0);
         let (origin, width) = (&self.motion.origin[..], whole.width);
-        let largest = |a: [f64; 4], b: [f64; 4]| std::array::from_fn(|k| larger(a[k], b[k]));
+        let largest = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| larger(a[k], b[k]));
+        let both = |a: (Errors, [f64; 3]), b: (Errors, [f64; 3])| (a.0.merge(b.0), largest(a.1, b.1));
         let measure = |mut first: usize, rows: Rows| {
-            let mut most = [0.0; 4];
+            // A rank without rows knows from this whether there is a mean.
+            let (mut errors, mut most) = (finish(whole.rows(0..0), &mut []), [0.0; 3]);
             for chunk in rows.numbers.chunks_mut(CHUNK * width) {
                 let part: Part = whole.rows(first..first + chunk.len() / width);
-                most[0] = larger(most[0], finish(part, chunk));
+                errors = errors.merge(finish(part, chunk));
                 let from = origin[first..].iter().zip(y[part.range()].chunks_exact(width));
                 for (row, (origin, start)) in chunk.chunks_exact(width).zip(from) {
                     let x = position(row);
                     let ways = [x - origin, x - position(start), velocity(row)];
                     let [drift, way, speed] = ways.map(|way| way.norm_squared());
-                    most = largest(most, [0.0, drift, way, speed]);
+                    most = largest(most, [drift, way, speed]);
                 }
                 first += part.len / width;
             }
-            most
+            (errors, most)
         };
         let (particles, memories) = next.split_at_mut(whole.len);
         let rows = Rows::new(particles, width);
-        let [mut error, drift, way, speed] =
-            threads::parts(origin.len(), threads::GRAIN, rows, &measure, &largest);
+        let (mut errors, [drift, way, speed]) =
+            threads::parts(origin.len(), threads::GRAIN, rows, &measure, &both);
         if !memories.is_empty() {
             let (all, rows) = (self.layout.whole(1), Rows::new(memories, MEMORY));
-            let measure = |first: usize, rows: Rows| {
-                let count = rows.numbers.len() / MEMORY;
-                finish(all.rows(first..first + count), rows.numbers)
+            let counted = &self.contacts.counted[..];
+            let measure = |mut first: usize, rows: Rows| {
+                let mut errors = Errors::default();
+                let mut rest = rows.numbers;
+                // A contact that another block or rank counts has the same error there.
+                while !rest.is_empty() {
+                    let alike = counted[first..first + rest.len() / MEMORY].chunk_by(|a, b| a == b);
+                    let count = alike.map(<[bool]>::len).next().unwrap_or(0);
+                    let (these, behind) = rest.split_at_mut(count * MEMORY);
+                    let found = finish(all.rows(first..first + count), these);
+                    errors =
+                        errors.merge(if counted[first] { found } else { Errors { sums: [0; 2], ..found } });
+                    (rest, first) = (behind, first + count);
+                }
+                errors
             };
             let count = all.len / MEMORY;
-            error = larger(error, threads::parts(count, threads::GRAIN, rows, &measure, &larger));
+            errors = errors.merge(threads::parts(count, threads::GRAIN, rows, &measure, &Errors::merge));
         }
         let moved = [larger(self.motion.moved[0], drift), larger(self.motion.moved[1], way)];
         // The last stage of every method is at the end of the step, so close to its result that the bodies of
@@ -243,14 +280,14 @@ impl Ivp for Dynamics<'_> {
         self.forces.find_contacts();
         let interrupts = self.requests.interrupts;
         let request = interrupts.map_or(StopRequest::Nothing, |interrupts| interrupts()).weight();
-        let mut shared = [error, moved[0], moved[1], speed.sqrt(), drift.sqrt(), request, approach];
-        self.domain.comm.max(&mut shared);
-        let [error, from_origin, from_start, speed, drift, request, approach] = shared;
+        let mut shared = [errors.largest, moved[0], moved[1], speed.sqrt(), drift.sqrt(), request, approach];
+        share(self.domain.comm, &mut shared, &mut errors);
+        let [_, from_origin, from_start, speed, drift, request, approach] = shared;
         self.requests.agreed = StopRequest::of_weight(request);
         self.motion.candidate = Extremes { speed, drift, approach };
         self.clocks.reduction += clock.elapsed();
         TrialOutcome {
-            error,
+            error: errors.error(),
             covered: from_origin <= self.free_path().powi(2),
             within_travel: from_start <= self.travel().powi(2),
         }

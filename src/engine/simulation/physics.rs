@@ -54,7 +54,6 @@ pub(super) fn error_control(scene: &Scene, scale: f64, columns: &Columns) -> (No
         let weight = if paper { History::new(&law, memory, true).full_shear() } else { 1.0 / typical.sqrt() };
         weights.push(vec![weight; MEMORY]);
     }
-    let norm = Norm { weights, rate: paper };
     let control = match solver.step {
         Some(step) => StepControl::new(StepRule::Fixed, 1.0, step, step),
         None => {
@@ -65,6 +64,8 @@ pub(super) fn error_control(scene: &Scene, scale: f64, columns: &Columns) -> (No
     };
     // With memory contacts oscillate. The frequency of one that carries the typical force is v sqrt(kappa/r).
     let frequency = scale * (law.kappa / r).sqrt();
+    let mean = (solver.norm == NormName::Mean).then_some(control.tolerance);
+    let norm = Norm { weights, rate: paper, mean };
     let oscillates = law.memory.is_some() && control.rule == StepRule::ProportionalIntegral;
     let long = if oscillates { LONG / frequency } else { f64::INFINITY };
     (norm, StepControl { long, ..control })
