@@ -147,7 +147,10 @@ fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
         }
         (Kind::Switch, DeValue::Boolean(_)) => true,
         (Kind::Text, DeValue::String(text)) => !text.trim().is_empty(),
-        (Kind::Word(words), DeValue::String(text)) => words.contains(&text.as_ref()),
+        (Kind::Word(words) | Kind::WordOrNumber(words, _), DeValue::String(text)) => {
+            words.contains(&text.as_ref())
+        }
+        (Kind::WordOrNumber(_, range), value) => number(value).is_some_and(|number| range.holds(number)),
         _ => false,
     };
     if fitting { Ok(()) } else { Err(Misfit::NotThat) }

@@ -1,8 +1,9 @@
 //! The list of all keys of a scene, with type, range, unit and a typical value. Messages quote it.
 
+use super::SyncEvery;
 use crate::model::effects::FrictionLaw;
 use crate::ode::{MethodName, NormName};
-use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word};
+use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word, WordOrNumber};
 use Range::{Finite, NotNegative, Positive, PositiveOrInfinite, Share};
 
 /// The description of one key.
@@ -36,6 +37,8 @@ pub(super) enum Kind {
     Text,
     /// One of these words.
     Word(&'static [&'static str]),
+    /// One of these words, or a number within a range.
+    WordOrNumber(&'static [&'static str], Range),
     /// A table of further keys.
     Table,
     /// A list of tables.
@@ -141,6 +144,8 @@ pub(super) const KEYS: &[Key] = &[
     optional("output.file", Text, "the path of the output file", "\"settle.vtkhdf\""),
     optional("output.interval", Number(Positive), "the simulated time between frames in s", "0.02"),
     optional("output.energy", Switch, "whether dissipated energy is integrated and written", "false"),
+    optional("output.sync", WordOrNumber(SyncEvery::WORDS, Positive),
+             "how often frames are forced to the disk, as wall time in s, at every frame or at the end", "1.0"),
 
     optional("checkpoint.interval", Number(Positive),
              "the simulated time in s between two checkpoints", "0.5"),
@@ -186,6 +191,7 @@ impl Key {
             Switch => "true or false".to_owned(),
             Text => "text in quotes, not empty".to_owned(),
             Word(words) => format!("one of: {}", quoted(words)),
+            WordOrNumber(words, range) => format!("one of: {}, or {}", quoted(words), range.need()),
             Table => "a table".to_owned(),
             Tables => "a list of tables".to_owned(),
         }

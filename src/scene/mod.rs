@@ -11,6 +11,7 @@ pub mod initial_condition;
 mod keys;
 mod schema;
 mod source;
+mod sync_every;
 pub mod walls;
 
 use std::path::{Path, PathBuf};
@@ -25,6 +26,7 @@ pub use schema::schema;
 use source::Source;
 pub use source::split_values;
 pub(crate) use source::{brief, shown};
+pub use sync_every::SyncEvery;
 
 /// A checked scene with all defaults filled in. All numbers are in SI units.
 ///
@@ -270,6 +272,8 @@ pub struct Output {
     pub interval: Option<f64>,
     /// Whether the energy that contacts dissipate is integrated and written to the file.
     pub energy: bool,
+    /// How often frames are forced to the disk.
+    pub sync: SyncEvery,
 }
 
 /// When checkpoints are written. At least one of the two is `Some`.
@@ -425,7 +429,7 @@ mod tests {
         assert_eq!((scene.solver.tolerance, scene.solver.initial_step), (Some(DEFAULT_TOLERANCE), 0.1));
         assert_eq!((scene.solver.min_step, scene.solver.max_step), (1e-9, f64::INFINITY));
         assert_eq!(scene.output.file, Some("short.vtkhdf".into()));
-        assert_eq!(scene.output.interval, Some(0.08));
+        assert_eq!((scene.output.interval, scene.output.sync), (Some(0.08), SyncEvery::Seconds(1.0)));
     }
 
     #[test]
@@ -438,6 +442,7 @@ mod tests {
             "solver.max_step=0.5",
             "solver.velocity_scale=2",
             "output.energy=true",
+            "output.sync=end",
         ];
         let scene = parse(&everything).unwrap();
         assert_eq!(Scene::parse("other.toml", &scene.resolved(), &[]).unwrap(), scene);

@@ -20,20 +20,17 @@ fn table(path: &str) -> Value {
 }
 
 fn property(key: &Key) -> Value {
-    let number = json!({ "type": "number" });
     let mut found = match key.kind {
-        Kind::Number(range) => match range {
-            Range::Finite => number,
-            Range::Positive | Range::PositiveOrInfinite => json!({ "type": "number", "exclusiveMinimum": 0 }),
-            Range::NotNegative => json!({ "type": "number", "minimum": 0 }),
-            Range::Share => json!({ "type": "number", "minimum": 0, "maximum": 1 }),
-        },
-        Kind::Vector { .. } => json!({ "type": "array", "items": number, "minItems": 3, "maxItems": 3 }),
+        Kind::Number(range) => number(range),
+        Kind::Vector { .. } => {
+            json!({ "type": "array", "items": number(Range::Finite), "minItems": 3, "maxItems": 3 })
+        }
         Kind::Count => json!({ "type": "integer", "minimum": 1, "maximum": LARGEST_COUNT }),
         Kind::Seed => json!({ "type": "integer", "minimum": 0, "maximum": u64::MAX }),
         Kind::Switch => json!({ "type": "boolean" }),
         Kind::Text => json!({ "type": "string", "minLength": 1 }),
         Kind::Word(words) => json!({ "enum": words }),
+        Kind::WordOrNumber(words, range) => json!({ "anyOf": [{ "enum": words }, number(range)] }),
         Kind::Table => table(key.path),
         Kind::Tables => json!({ "type": "array", "items": table(key.path) }),
     };
@@ -52,6 +49,15 @@ fn property(key: &Key) -> Value {
         }
     }
     found
+}
+
+fn number(range: Range) -> Value {
+    match range {
+        Range::Finite => json!({ "type": "number" }),
+        Range::Positive | Range::PositiveOrInfinite => json!({ "type": "number", "exclusiveMinimum": 0 }),
+        Range::NotNegative => json!({ "type": "number", "minimum": 0 }),
+        Range::Share => json!({ "type": "number", "minimum": 0, "maximum": 1 }),
+    }
 }
 
 #[cfg(test)]

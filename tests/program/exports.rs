@@ -130,8 +130,8 @@ fn mistakes_are_told_in_one_line_before_anything_is_written() {
 fn a_killed_run_is_exported_up_to_its_last_frame() {
     let folder = TempDir::new().unwrap();
     let scene = format!("{PACKAGE}/configs/quick.toml");
-    let mut job =
-        Job::alone(folder.path(), &[&scene, "--set", "t_end=1000", "--set", "output.interval=0.01"]).start();
+    let sets = ["--set", "t_end=1000", "--set", "output.interval=0.01", "--set", "output.sync=frame"];
+    let mut job = Job::alone(folder.path(), &[&scene]).and(&sets).start();
     job.wait_for_frames(20);
     kill(job.process());
     job.end().with_code(137);

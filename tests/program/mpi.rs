@@ -370,7 +370,8 @@ fn a_killed_rank_ends_the_job_of_those_that_wait_for_it() {
     let folder = long_run();
     // Rank 1 falls asleep in mid-run; when frames stop, rank 0 waits for it.
     let faults = "rhs=300*off->sleep(100000)";
-    let mut job = Job::on(2, folder.path(), &["scene.toml"]).with_fault(1, faults).start();
+    let arguments = ["scene.toml", "--set", "output.sync=frame"];
+    let mut job = Job::on(2, folder.path(), &arguments).with_fault(1, faults).start();
     job.wait_for_frames(1);
     let mut quiet = (job.stderr(), Instant::now());
     while quiet.1.elapsed() < Duration::from_secs(2) {
@@ -399,7 +400,8 @@ fn the_file_of_a_killed_run_holds_every_frame_it_tells_of() {
     for (round, frames) in [2, 40, 90, 150].into_iter().enumerate() {
         let own = folder.path().join(format!("killed-{round}"));
         fs::create_dir(&own).unwrap();
-        let mut job = Job::on(2, &own, &["../scene.toml", "--threads", "1"]).start();
+        let mut job =
+            Job::on(2, &own, &["../scene.toml", "--threads", "1", "--set", "output.sync=frame"]).start();
         job.wait_for_frames(frames);
         // Another moment within a frame every time.
         sleep(Duration::from_micros(700 * round as u64));

@@ -82,7 +82,7 @@ fn a_run_with_a_fixed_step_opens_in_h5py_and_vtk_with_that_step() {
 #[test]
 fn the_file_of_a_killed_run_opens_in_h5py_and_vtk_up_to_its_last_frame() {
     let Some(python) = python() else { return };
-    let (folder, job) = quick(2, &["--set", "t_end=1000"]);
+    let (folder, job) = quick(2, &["--set", "t_end=1000", "--set", "output.sync=frame"]);
     let mut job = job.start();
     job.wait_for_frames(40);
     [1, 0].into_iter().for_each(|rank| kill(job.process_of(rank)));

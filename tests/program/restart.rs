@@ -27,6 +27,7 @@ particles = { radius = 0.1, grid = { count = 200, bottom = 0.2, seed = 5 } }
 container.box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] }
 friction = { coefficient = 0.2, regularization_velocity = 0.01 }
 output.interval = 0.004
+output.sync = 'frame'
 checkpoint.interval = 0.02
 contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4,
             dissipation_focusing = 10.0,
@@ -206,6 +207,50 @@ fn a_rank_that_is_killed_at_any_time_costs_nothing_that_was_on_the_disk() {
         assert_goes_on([0, 1, 3][round % 3], folder.path(), &format!("round {round}, {frames} frames"));
     }
     println!("{KILLS} ranks killed, {KILLS} runs taken up again, none lost");
+}
+
+#[test]
+fn a_killed_run_keeps_the_frames_that_were_forced_to_the_disk() {
+    // A slow clock forces the first frame to the disk, and then none before memory holds 72 of them, which is
+    // all that it may hold of 200 spheres. "end" does not even force the first.
+    for (sync, ranks, least) in [("0.05", 0, 2), ("1e6", 2, 73), ("end", 0, 72), ("end", 2, 72)] {
+        let folder = folder();
+        let sets = [
+            ("output.sync", sync),
+            ("output.interval", "0.001"),
+            ("checkpoint.interval", "10"),
+            ("t_end", "1000"),
+        ];
+        let sets: Vec<String> = sets.iter().map(|(key, value)| format!("--set={key}={value}")).collect();
+        let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
+        let job = if ranks == 0 {
+            Job::alone(folder.path(), &["scene.toml"])
+        } else {
+            Job::on(ranks, folder.path(), &["scene.toml"])
+        };
+        let mut job = job.and(&sets).start();
+        job.wait_for_frames(100);
+        signal_job(&job, Signal::KILL);
+        job.must_end_within(DEADLINE);
+        assert_ne!(job.end().code, 0);
+        let results = Results::open(&folder.path().join("scene.vtkhdf"));
+        let there = results.frames();
+        println!("output.sync = {sync}, {ranks} ranks: {there} frames");
+        assert!(there >= least, "output.sync = {sync}: {there} frames");
+        // There the frames come by 72, never a part of these.
+        if sync != "0.05" {
+            assert!((there - (least - 72)).is_multiple_of(72), "output.sync = {sync}: {there} frames");
+        }
+        let times: Vec<f64> = (0..there).map(|k| k as f64 * 0.001).collect();
+        assert_eq!(results.times(), times);
+        assert!(results.counts("run/series/steps_accepted")[..there].is_sorted());
+        // The start is the same as that of the other run, whatever its frames.
+        for (k, of_whole) in [(0, 0), (there / 4 * 4, there / 4), (4, 1)] {
+            if k < there {
+                assert_eq!(results.vectors("Points", k), WHOLE.vectors("Points", of_whole), "frame {k}");
+            }
+        }
+    }
 }
 
 #[test]

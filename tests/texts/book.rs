@@ -52,6 +52,11 @@ fn type_and_range(path: &str, entry: &Value) -> [String; 2] {
         let words: Vec<String> = words.iter().map(|word| format!("`{}`", word.as_str().unwrap())).collect();
         return of("word", &format!("one of {}", words.join(", ")));
     }
+    if let Some(either) = entry["anyOf"].as_array() {
+        let both = either.iter().map(|one| type_and_range(path, one)).collect::<Vec<_>>();
+        let joined = |k: usize, between: &str| [&both[0][k][..], &both[1][k]].join(between);
+        return [joined(0, " or "), joined(1, ", or ")];
+    }
     match entry["type"].as_str().unwrap() {
         "array" if entry["items"]["properties"].is_object() => of("tables", "-"),
         "array" if path.starts_with("container.box.") => of("3 numbers", "finite or infinite"),

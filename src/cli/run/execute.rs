@@ -132,7 +132,8 @@ impl Execution<'_> {
         if let Beginning::Start = self.beginning {
             let block = rows::block(contents.count, comm.rank(), comm.size());
             let numbers = |column: &Column| self.start.numbers(column, block.clone());
-            let created = Output::create(comm, path, info, contents, block.clone(), &numbers)?;
+            let created = Output::create(comm, path, info, contents, block.clone(), &numbers)?
+                .with_sync(self.scene.output.sync);
             if comm.rank() == 0 {
                 checkpoint::clear(path);
             }
@@ -144,7 +145,8 @@ impl Execution<'_> {
             };
             output::prepare(path, frames, info).map(|()| String::new()).map_err(unusable)
         })?;
-        Output::open(comm, path, info.energy, contents, frames)
+        let opened = Output::open(comm, path, info.energy, contents, frames)?;
+        Ok(opened.with_sync(self.scene.output.sync))
     }
 }
 
@@ -188,6 +190,7 @@ impl Execution<'_> {
         let outcome = simulation.run(&mut recorder);
         recorder.progress.close();
         let outcome = outcome?;
+        recorder.output.sync()?;
         let transfer = recorder.output.transfer_report().to_string();
         let wall_seconds = recorder.wall_seconds();
         let Recorder { output, measures, course, monitor, written, .. } = recorder;
@@ -319,6 +322,8 @@ impl Observer for Recorder<'_> {
             course: self.course,
             memory: snapshot.memory,
         };
+        // The checkpoint counts on the frames before it.
+        self.output.sync()?;
         checkpoint::write(self.comm, &checkpoint::slot(self.path, header.serial), &header, snapshot)?;
         self.serial = header.serial;
         self.interrupts.saved();

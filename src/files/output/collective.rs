@@ -98,12 +98,18 @@ impl Transfer {
         write(&self.together, dataset, first, rows)
     }
 
-    /// Writes this rank's rows of a column, possibly none, to `dataset` from row `first` on. Collective.
+    /// Writes this rank's rows of a column, possibly none, to the `place` in `dataset`. Collective.
     ///
     /// A row has `width` numbers; the dataset has the shape that [`column_shape`] states.
-    pub fn write_column(&self, dataset: &Dataset, first: u64, width: usize, numbers: &[f64]) -> Result<()> {
+    pub fn write_column(
+        &self,
+        dataset: &Dataset,
+        place: &Place,
+        width: usize,
+        numbers: &[f64],
+    ) -> Result<()> {
         let rows = Memory { rows: numbers.len() / width, shape: column_shape(&width), numbers };
-        write_block(&self.together, dataset, first, &rows)
+        write_rows(&self.together, dataset, place, &rows)
     }
 
     /// Writes `rows` to `dataset` from row `first` on. One rank alone calls this.
@@ -149,6 +155,24 @@ fn transfer_list() -> Result<PropertyList> {
     hdf5::sync::sync(|| unsafe { hdf5::from_id(h5check(H5Pcreate(*H5P_CLS_DATASET_XFER))?) })
 }
 
+/// Where rows belong in a dataset: in blocks of equal length at equal distances.
+#[derive(Debug, Clone, Copy)]
+pub struct Place {
+    /// First row of the first block.
+    pub first: u64,
+    /// From the first row of a block to that of the next one, rows; not less than a block.
+    pub stride: u64,
+    /// Number of blocks, at least 1.
+    pub blocks: u64,
+}
+
+impl Place {
+    /// All rows one after the other, from row `first` on.
+    pub fn from_row(first: u64) -> Self {
+        Place { first, stride: 1, blocks: 1 }
+    }
+}
+
 /// Shape of one row of a column of this `width`: a plain number has none.
 pub fn column_shape(width: &usize) -> &[usize] {
     if *width == 1 { &[] } else { std::slice::from_ref(width) }
@@ -166,13 +190,14 @@ fn write<R: Row>(list: &PropertyList, dataset: &Dataset, first: u64, rows: &[R])
     let count = rows.len() * R::SHAPE.iter().product::<usize>();
     // SAFETY: a row is exactly as many numbers as the product of its shape, without padding.
     let numbers = unsafe { std::slice::from_raw_parts(rows.as_ptr().cast::<R::Number>(), count) };
-    write_block(list, dataset, first, &Memory { rows: rows.len(), shape: R::SHAPE, numbers })
+    let rows = Memory { rows: rows.len(), shape: R::SHAPE, numbers };
+    write_rows(list, dataset, &Place::from_row(first), &rows)
 }
 
-fn write_block<N: H5Type>(
+fn write_rows<N: H5Type>(
     list: &PropertyList,
     dataset: &Dataset,
-    first: u64,
+    place: &Place,
     memory: &Memory<N>,
 ) -> Result<()> {
     let &Memory { rows, shape, numbers } = memory;
@@ -182,14 +207,21 @@ fn write_block<N: H5Type>(
     let in_memory = Dataspace::try_new(&extent[..])?;
     let in_file = dataset.space()?;
     let number = Datatype::from_type::<N>()?;
-    let mut start = vec![0; extent.len()];
-    start[0] = first;
-    let block: Vec<u64> = extent.iter().map(|&n| n as u64).collect();
-    if in_file.ndim() != start.len() || numbers.len() != rows * shape.iter().product::<usize>() {
+    let (mut start, mut stride, mut count) =
+        (vec![0; extent.len()], vec![1; extent.len()], vec![1; extent.len()]);
+    (start[0], stride[0], count[0]) = (place.first, place.stride, place.blocks);
+    let mut block: Vec<u64> = extent.iter().map(|&n| n as u64).collect();
+    block[0] /= place.blocks;
+    // Blocks that touch are one block: HDF5 is faster with that.
+    if block[0] == place.stride {
+        (block[0], count[0]) = (extent[0] as u64, 1);
+    }
+    let fits = in_file.ndim() == start.len() && numbers.len() == rows * shape.iter().product::<usize>();
+    if !fits || !(rows as u64).is_multiple_of(place.blocks) {
         return Err("an array of the file has another shape than its rows".into());
     }
-    // SAFETY: `start` and `block` have one entry per dimension; a null stride and block mean 1. The memory
-    // space holds exactly the numbers of `rows` rows, or nothing is selected in it.
+    // SAFETY: `start`, `stride`, `count` and `block` have one entry per dimension. The memory space holds
+    // exactly the numbers of `rows` rows, or nothing is selected in it.
     hdf5::sync::sync(|| unsafe {
         if rows == 0 {
             h5check(H5Sselect_none(in_memory.id()))?;
@@ -199,9 +231,9 @@ fn write_block<N: H5Type>(
                 in_file.id(),
                 H5S_seloper_t::H5S_SELECT_SET,
                 start.as_ptr(),
-                std::ptr::null(),
+                stride.as_ptr(),
+                count.as_ptr(),
                 block.as_ptr(),
-                std::ptr::null(),
             ))?;
         }
         h5check(H5Dwrite(

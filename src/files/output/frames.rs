@@ -3,13 +3,13 @@
 use std::fs;
 use std::mem;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use hdf5::types::FixedAscii;
 use hdf5::{Dataset, File, FileBuilder, Group, Result};
 
 use super::arrays::{Ground, fixed, fixed_rows, grow, set, set_new, set_new_text};
-use super::collective::{Row, Transfer, column_shape};
+use super::collective::{Place, Row, Transfer, column_shape};
 use super::run_group::{
     COUNT_COLUMNS, ENERGY_COLUMNS, REAL_ATTRIBUTES, REAL_COLUMNS, count_attributes, limit_attribute,
     run_group,
@@ -28,6 +28,8 @@ const FRAMES_PER_CHUNK: u64 = 1024;
 const INDEX_BYTES: u64 = 16 << 10;
 /// Length of one row of a vector quantity, bytes.
 const VECTOR_BYTES: u64 = 24;
+/// Frames are held in memory up to this size, on all ranks together, bytes. Larger ones gain little.
+const MOST_HELD: u64 = 1 << 20;
 
 /// An array that VTKHDF needs to find the data of a frame. Row k, for frame k, is `first + k * stride`.
 struct Schedule {
@@ -46,6 +48,8 @@ struct Column<N> {
 struct StateColumn {
     array: Dataset,
     column: ParticleColumn,
+    /// The rows of this rank of all frames that are held.
+    held: Vec<f64>,
 }
 
 /// The open file. Rust drops the fields in this order: arrays, groups, file.
@@ -65,11 +69,18 @@ pub struct Frames {
     run: Group,
     transfer: Transfer,
     file: File,
-    path: PathBuf,
+    /// The same file, to make it longer; on rank 0 under MPI-IO only.
+    plain: Option<fs::File>,
     /// Number of particles, which is the number of rows of a frame.
     count: u64,
     /// Number of complete frames in the file.
     complete: u64,
+    /// Measures of the frames after them, which are held in memory.
+    held: Vec<Measures>,
+    /// Id of the first row of this rank in a frame.
+    first_row: u64,
+    /// How HDF5 wrote the rows of the last frame.
+    report: String,
     /// Whether this rank writes the small arrays.
     writes_small: bool,
 }
@@ -118,6 +129,10 @@ impl Frames {
         let count = contents.count;
         let transfer = Transfer::new(comm.raw())?;
         let writes_small = comm.rank() == 0;
+        let plain = (writes_small && transfer.is_parallel())
+            .then(|| fs::OpenOptions::new().write(true).open(path))
+            .transpose()
+            .map_err(|why| why.to_string())?;
         let root = ground.group(&file, "VTKHDF")?;
         let point_data = ground.group(&root, "PointData")?;
         let steps = ground.group(&root, "Steps")?;
@@ -166,7 +181,7 @@ impl Frames {
                 .map(|column| {
                     let (group, name) = place_of(column, (&root, &point_data));
                     let array = ground.column(group, name, column.width, rows)?;
-                    Ok(StateColumn { array, column: column.clone() })
+                    Ok(StateColumn { array, column: column.clone(), held: Vec::new() })
                 })
                 .collect::<Result<_>>()?,
             sizes: ground.array::<i64>(&root, "NumberOfPoints", FRAMES_PER_CHUNK)?,
@@ -195,12 +210,15 @@ impl Frames {
             steps,
             transfer,
             file,
-            path: path.to_path_buf(),
+            plain,
             count,
             complete: match ground {
                 Ground::New(_) => 0,
                 Ground::Found { complete, .. } => *complete,
             },
+            held: Vec::new(),
+            first_row: 0,
+            report: "none yet".to_string(),
             writes_small,
         })
     }
@@ -228,7 +246,7 @@ impl Frames {
             let (name, shape) = (&column.name, column_shape(&column.width));
             let array = fixed_rows::<f64>(point_data, name, self.count, shape)?;
             set_new_text(&array, "unit", &column.unit)?;
-            self.transfer.write_column(&array, first, column.width, &constants(column))?;
+            self.transfer.write_column(&array, &Place::from_row(first), column.width, &constants(column))?;
         }
         let vertices = root.group("Vertices")?;
         together(&vertices, "Connectivity", self.count, &ids)?;
@@ -245,47 +263,101 @@ impl Frames {
         self.flush(0)
     }
 
-    /// Adds one frame; returns how HDF5 wrote its rows. Collective.
-    pub fn append(&mut self, rows: &Rows, measures: &Measures) -> Result<String> {
-        let k = self.complete;
-        // All data come first. Arrays grow here and never shrink: if several ranks shrink an array within a
-        // chunk, HDF5 1.10 corrupts its bookkeeping.
-        for StateColumn { array, column } in &self.state {
-            grow(array, (k + 1) * self.count, column_shape(&column.width))?;
-            let numbers = (rows.numbers)(column);
-            self.transfer.write_column(array, k * self.count + rows.first, column.width, &numbers)?;
+    /// Adds one frame. It is in the file after [`Frames::sync`], or now if `sync` is set or much is held.
+    /// Collective.
+    pub fn append(&mut self, rows: &Rows, measures: &Measures, sync: bool) -> Result<()> {
+        self.held.push(*measures);
+        self.first_row = rows.first;
+        // All ranks must come to the same answer, also where one has no rows.
+        let write = sync || self.held.len() as u64 >= frames_held(self.count);
+        for k in 0..self.state.len() {
+            let StateColumn { held, column, .. } = &mut self.state[k];
+            let mut numbers = (rows.numbers)(column);
+            if held.is_empty() {
+                *held = numbers;
+            } else {
+                held.append(&mut numbers);
+            }
+            // A column at a time: a large frame is never in memory as a whole.
+            if write {
+                self.write_state(k)?;
+            }
         }
-        let transfer = self.transfer.report()?;
+        if write { self.declare() } else { Ok(()) }
+    }
+
+    /// Writes the frames that are held in memory and forces them to the disk. Collective.
+    pub fn sync(&mut self) -> Result<()> {
+        if self.held.is_empty() {
+            return Ok(());
+        }
+        for k in 0..self.state.len() {
+            self.write_state(k)?;
+        }
+        self.declare()
+    }
+
+    /// How HDF5 wrote the rows of the last frame.
+    pub fn transfer_report(&self) -> &str {
+        &self.report
+    }
+
+    /// Writes column `k` of the particles for all frames that are held. Collective.
+    ///
+    /// Arrays grow here and never shrink: if several ranks shrink an array within a chunk, HDF5 1.10 corrupts
+    /// its bookkeeping.
+    fn write_state(&mut self, k: usize) -> Result<()> {
+        let StateColumn { array, column, held } = &mut self.state[k];
+        let numbers = mem::take(held);
+        let blocks = self.held.len() as u64;
+        grow(array, (self.complete + blocks) * self.count, column_shape(&column.width))?;
+        let first = self.complete * self.count + self.first_row;
+        let place = Place { first, stride: self.count.max(1), blocks };
+        self.transfer.write_column(array, &place, column.width, &numbers)
+    }
+
+    /// Writes what belongs to the frames that are held beside their columns, and flushes. Collective.
+    ///
+    /// First come all data, then the times and `NSteps`, which declare the frames complete.
+    fn declare(&mut self) -> Result<()> {
+        self.report = self.transfer.report()?;
+        let held = mem::take(&mut self.held);
+        let frames = self.complete..self.complete + held.len() as u64;
+        let sizes = vec![self.count as i64; held.len()];
         // While `NSteps` is 1, VTK treats the file as static and takes the rows of `NumberOfPoints` for
         // parts. So the second row must wait for `NSteps` = 2. No other row has to wait.
-        let second = k == 1;
-        if !second {
-            self.put(&self.sizes, k, self.count as i64)?;
+        let wait = frames.start == 1;
+        if !wait {
+            self.put(&self.sizes, frames.start, &sizes)?;
         }
         for schedule in &self.schedules {
-            self.put(&schedule.array, k, schedule.first + k as i64 * schedule.stride)?;
+            let row = |k: u64| schedule.first + k as i64 * schedule.stride;
+            self.put(&schedule.array, frames.start, &frames.clone().map(row).collect::<Vec<_>>())?;
         }
         for array in &self.cell_offsets {
-            self.put(array, k, [0_i64; 4])?;
+            self.put(array, frames.start, &vec![[0_i64; 4]; held.len()])?;
         }
         for Column { array, measure } in &self.real_columns {
-            self.put(array, k, measure(measures))?;
+            self.put(array, frames.start, &held.iter().map(measure).collect::<Vec<_>>())?;
         }
         for Column { array, measure } in &self.count_columns {
-            self.put(array, k, measure(measures) as i64)?;
+            let row = |measures: &Measures| measure(measures) as i64;
+            self.put(array, frames.start, &held.iter().map(row).collect::<Vec<_>>())?;
         }
-        self.flush(self.growth(k))?;
+        self.flush(growth(self.count, self.state.len() as u64, &frames))?;
 
-        // Only now do the time and `NSteps` declare the frame complete.
-        if second {
-            self.put(&self.sizes, k, self.count as i64)?;
+        // Only now do the times and `NSteps` declare the frames complete.
+        if wait {
+            self.put(&self.sizes, frames.start, &sizes)?;
         }
-        self.put(&self.times, k, measures.time)?;
-        set(&self.steps, "NSteps", k as i64 + 1)?;
-        self.count_up(measures)?;
-        self.flush(self.small_growth(k))?;
-        self.complete += 1;
-        Ok(transfer)
+        self.put(&self.times, frames.start, &held.iter().map(|frame| frame.time).collect::<Vec<_>>())?;
+        set(&self.steps, "NSteps", frames.end as i64)?;
+        if let Some(last) = held.last() {
+            self.count_up(last)?;
+        }
+        self.flush(small_growth(&frames))?;
+        self.complete = frames.end;
+        Ok(())
     }
 
     /// Writes the final attributes. Collective.
@@ -320,28 +392,11 @@ impl Frames {
     /// So rank 0 extends the file first, which takes no disk space, and HDF5 cuts it to its true length. This
     /// is done under MPI-IO only, since the serial driver would not cut the file.
     fn flush(&self, growth: u64) -> Result<()> {
-        if self.writes_small && self.transfer.is_parallel() && growth > 0 {
-            let lengthen = |file: fs::File| file.set_len(file.metadata()?.len() + growth);
-            let opened = fs::OpenOptions::new().write(true).open(&self.path);
-            opened.and_then(lengthen).map_err(|why| why.to_string())?;
+        if let (Some(file), true) = (&self.plain, growth > 0) {
+            let length = file.metadata().map_err(|why| why.to_string())?.len();
+            file.set_len(length + growth).map_err(|why| why.to_string())?;
         }
         self.file.flush()
-    }
-
-    /// Upper bound of the bytes that frame `k` adds to the file.
-    ///
-    /// It is 0 if the frame fits into chunks that exist already, because HDF5 then leaves the length alone.
-    fn growth(&self, k: u64) -> u64 {
-        let rows = rows_per_chunk(self.count);
-        let chunks = |frames: u64| (frames * self.count).div_ceil(rows);
-        let arrays = self.state.len() as u64;
-        let vectors = arrays * (chunks(k + 1) - chunks(k)) * (rows * VECTOR_BYTES + INDEX_BYTES);
-        vectors + self.small_growth(k)
-    }
-
-    /// The part of `growth` for the arrays with one row per frame.
-    fn small_growth(&self, k: u64) -> u64 {
-        if k.is_multiple_of(FRAMES_PER_CHUNK) { small_arrays() } else { 0 }
     }
 
     /// Updates the attributes of `/run` that follow the last frame. Collective.
@@ -358,10 +413,10 @@ impl Frames {
         Ok(())
     }
 
-    /// Appends row `k` of a small array. Collective.
-    fn put<R: Row>(&self, array: &Dataset, k: u64, row: R) -> Result<()> {
-        grow(array, k + 1, R::SHAPE)?;
-        self.write_small(array, k, &[row])
+    /// Appends rows to a small array, from row `first` on. Collective.
+    fn put<R: Row>(&self, array: &Dataset, first: u64, rows: &[R]) -> Result<()> {
+        grow(array, first + rows.len() as u64, R::SHAPE)?;
+        self.write_small(array, first, rows)
     }
 
     /// Writes rows that are the same on every rank; rank 0 alone does so.
@@ -382,10 +437,32 @@ pub(super) fn options(comm: &dyn Comm) -> Result<FileBuilder> {
     Ok(options)
 }
 
-/// Upper bound of the bytes that one frame of `count` particles adds to a file.
+/// Number of frames of `count` particles that are written at once at the latest. At least 1.
+fn frames_held(count: u64) -> u64 {
+    (MOST_HELD / (3 * VECTOR_BYTES * count).max(1)).clamp(1, FRAMES_PER_CHUNK)
+}
+
+/// Upper bound of the bytes that `frames` add to a file with `arrays` vectors of `count` particles.
+///
+/// It is 0 if they fit into chunks that exist already, because HDF5 then leaves the length alone.
+fn growth(count: u64, arrays: u64, frames: &Range<u64>) -> u64 {
+    let rows = rows_per_chunk(count);
+    let chunks = |frames: u64| (frames * count).div_ceil(rows);
+    let new = chunks(frames.end) - chunks(frames.start);
+    arrays * new * (rows * VECTOR_BYTES + INDEX_BYTES) + small_growth(frames)
+}
+
+/// The part of `growth` for the arrays with one row per frame.
+fn small_growth(frames: &Range<u64>) -> u64 {
+    let chunks = |frames: u64| frames.div_ceil(FRAMES_PER_CHUNK);
+    (chunks(frames.end) - chunks(frames.start)) * small_arrays()
+}
+
+/// Upper bound of the bytes that the frames of `count` particles which are written at once add to a file.
 pub(super) fn largest_growth(count: u64) -> u64 {
     let rows = rows_per_chunk(count);
-    3 * (count.div_ceil(rows) + 1) * (rows * VECTOR_BYTES + INDEX_BYTES) + small_arrays()
+    let chunks = (frames_held(count) * count).div_ceil(rows) + 1;
+    3 * chunks * (rows * VECTOR_BYTES + INDEX_BYTES) + 2 * small_arrays()
 }
 
 /// Upper bound of the bytes of one more chunk in every array with one row per frame.

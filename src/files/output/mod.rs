@@ -6,6 +6,8 @@
 //! A reader never finds half a frame, even after a crash. First all data are written and flushed. Then the
 //! time and `NSteps` are written and flushed. Readers trust `NSteps` alone.
 //!
+//! Frames are held in memory and written many at a time, as often as [`SyncEvery`] says (decision 042).
+//!
 //! docs/file-format.md lists all groups and arrays.
 
 mod arrays;
@@ -27,6 +29,7 @@ use crate::domain::comm::Comm;
 use crate::error::Error;
 use crate::model::columns::{Column, Columns};
 use crate::ode::{Dissipation, Limit, MethodName, NormName};
+use crate::scene::SyncEvery;
 use frames::Frames;
 
 pub use reopen::{Found, first_frame, frame, inspect, prepare};
@@ -146,7 +149,39 @@ pub struct Rows<'a> {
     pub numbers: &'a Numbers<'a>,
 }
 
+/// Decides after which frames all that are held are forced to the disk. The same on every rank.
+struct Pace {
+    sync: SyncEvery,
+    /// Wall time of the last frame that was forced to the disk, s.
+    synced: Option<f64>,
+    /// Wall time of the last frame, s.
+    last: f64,
+}
+
+impl Pace {
+    /// Whether the frame at wall time `now` (s) is forced to the disk, with all before it.
+    ///
+    /// In a pace by the clock it is the last one for which this is not too late, if the next frame takes as
+    /// long as this one took. So slow frames never wait.
+    fn is_due(&mut self, now: f64) -> bool {
+        let next = now + (now - self.last);
+        let due = match (self.sync, self.synced) {
+            (SyncEvery::Frame, _) | (SyncEvery::Seconds(_), None) => true,
+            (SyncEvery::Seconds(seconds), Some(synced)) => next >= synced + seconds,
+            (SyncEvery::End, _) => false,
+        };
+        self.last = now;
+        if due {
+            self.synced = Some(now);
+        }
+        due
+    }
+}
+
 /// An output file that grows by frames.
+///
+/// Every frame is forced to the disk, unless [`Output::with_sync`] asks for less. Whatever ends the run, and
+/// dropping the `Output` too, brings the last frames into the file.
 ///
 /// After an error no rank may touch the file any more, because the next collective call could wait for ever.
 /// A failed `Output` therefore leaves the file open. It answers every later call with an error and makes no
@@ -161,7 +196,7 @@ pub struct Output<'a> {
     comm: &'a dyn Comm,
     path: PathBuf,
     frames: Option<Frames>,
-    transfer: String,
+    pace: Pace,
     /// Device and inode of the file; on rank 0 only.
     identity: Option<(u64, u64)>,
 }
@@ -236,7 +271,15 @@ impl<'a> Output<'a> {
     fn with(comm: &'a dyn Comm, path: &Path, frames: Frames) -> Self {
         let identity = (comm.rank() == 0).then(|| path::identity(path)).flatten();
         let path = path.to_path_buf();
-        Output { comm, path, frames: Some(frames), transfer: "none yet".to_string(), identity }
+        let pace = Pace { sync: SyncEvery::Frame, synced: None, last: 0.0 };
+        Output { comm, path, frames: Some(frames), pace, identity }
+    }
+
+    /// Forces frames to the disk as often as `sync` says. Between times they are held in memory.
+    #[must_use]
+    pub fn with_sync(mut self, sync: SyncEvery) -> Self {
+        self.pace.sync = sync;
+        self
     }
 
     /// Fails if the file has been removed or replaced. Collective.
@@ -260,12 +303,19 @@ impl<'a> Output<'a> {
         Err(Error::Replaced { file: self.path.display().to_string(), what })
     }
 
-    /// Appends one frame. Collective.
+    /// Appends one frame, and forces it to the disk if its time has come. Collective.
     pub fn append(&mut self, rows: &Rows, measures: &Measures) -> Result<(), Error> {
         self.check_identity()?;
         let measures = measures.agreed(self.comm);
-        self.transfer = self.guarded(|frames| frames.append(rows, &measures))?;
-        Ok(())
+        let sync = self.pace.is_due(measures.wall_seconds);
+        self.guarded(|frames| frames.append(rows, &measures, sync))
+    }
+
+    /// Forces all frames so far to the disk. Collective.
+    ///
+    /// A checkpoint needs this first: a run that goes on from it expects all frames before it in the file.
+    pub fn sync(&mut self) -> Result<(), Error> {
+        self.guarded(Frames::sync)
     }
 
     /// Marks the run as completed and closes the file. Collective.
@@ -281,6 +331,7 @@ impl<'a> Output<'a> {
         let measures = measures.agreed(self.comm);
         let method = agreed_text(self.comm, method);
         self.guarded(|frames| {
+            frames.sync()?;
             at_rest_by.map_or(Ok(()), |by| frames.stopped(by))?;
             frames.complete(&measures, &method)
         })?;
@@ -292,7 +343,10 @@ impl<'a> Output<'a> {
 
     /// Writes what stopped the run before its end, and closes the file. Collective.
     pub fn stop(mut self, by: &str) -> Result<(), Error> {
-        self.guarded(|frames| frames.stopped(by))?;
+        self.guarded(|frames| {
+            frames.sync()?;
+            frames.stopped(by)
+        })?;
         match self.frames.take() {
             Some(frames) => frames.close().map_err(|why| failure(&self.path, &why)),
             None => Ok(()),
@@ -304,7 +358,7 @@ impl<'a> Output<'a> {
     /// `chunk collective`: all ranks wrote together. `independent (cause ...)`: the library fell back to
     /// independent writes. `serial`: the file is open without MPI.
     pub fn transfer_report(&self) -> &str {
-        &self.transfer
+        self.frames.as_ref().map_or("failed", Frames::transfer_report)
     }
 
     /// Calls `work` with the file. If that fails, the file is never touched again.
@@ -334,6 +388,12 @@ impl Drop for Output<'_> {
         // Closing is collective. A rank that panics cannot count on the others, so it leaves the file open.
         if std::thread::panicking() {
             mem::forget(self.frames.take());
+        }
+        // An error came first and is reported. After one of its own the file is left as it is.
+        if let Some(mut frames) = self.frames.take()
+            && frames.sync().is_err()
+        {
+            mem::forget(frames);
         }
     }
 }

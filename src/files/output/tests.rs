@@ -11,6 +11,7 @@ use crate::domain::comm::Solo;
 use crate::error::Error;
 use crate::model::columns::{Changes, Column, Columns};
 use crate::ode::{Limit, MethodName, NormName};
+use crate::scene::SyncEvery;
 
 const COUNT: u64 = 3;
 const RADIUS: f64 = 0.1;
@@ -502,4 +503,72 @@ fn path_that_cannot_work_is_refused_with_what_would_be_right() {
     assert!(refusal(&path.join("run.vtkhdf"), false, 0).contains("choose another path"));
     let text = refusal(&path, true, 1 << 62);
     assert!(text.contains("the run needs about 4194304.0 TiB") && text.contains("output.interval"), "{text}");
+}
+
+#[test]
+fn frames_that_are_held_are_the_same_in_the_file_whatever_they_waited_for() {
+    let (_folder, every) = written(150, true, "");
+    for sync in [SyncEvery::Seconds(5.0), SyncEvery::Seconds(1e300), SyncEvery::End] {
+        let (_folder, path) = path();
+        let mut output = create(&path, true, "").with_sync(sync);
+        (0..150).for_each(|k| append(&mut output, k, true));
+        output.finish(&measures(150), METHOD, None).unwrap();
+        let file = File::open(path).unwrap();
+        assert_eq!(frames_in(&file), 150, "{sync:?}");
+        for name in ["Points", "PointData/velocity", "PointData/angular_velocity", "Steps/Values"] {
+            let name = format!("VTKHDF/{name}");
+            assert_eq!(reals(&file, &name), reals(&every, &name), "{name}, {sync:?}");
+        }
+        for name in ["NumberOfPoints", "Steps/PartOffsets", "Steps/PointOffsets", "Steps/CellOffsets"] {
+            let name = format!("VTKHDF/{name}");
+            assert_eq!(counts(&file, &name), counts(&every, &name), "{name}, {sync:?}");
+        }
+        for name in ["run/series/steps_accepted", "run/series/lists_built"] {
+            assert_eq!(counts(&file, name), counts(&every, name), "{name}, {sync:?}");
+        }
+        assert_eq!(reals(&file, "run/series/bed_height"), reals(&every, "run/series/bed_height"));
+    }
+}
+
+#[test]
+fn frames_wait_in_memory_as_long_as_the_scene_allows_and_dropping_writes_them() {
+    // The wall time of frame k is 6 + k seconds.
+    for (sync, on_disk) in [
+        (SyncEvery::Frame, [1, 2, 3, 4, 5, 6]),
+        (SyncEvery::Seconds(0.5), [1, 2, 3, 4, 5, 6]),
+        (SyncEvery::Seconds(3.0), [1, 1, 3, 3, 5, 5]),
+        (SyncEvery::Seconds(1e300), [1; 6]),
+        (SyncEvery::End, [0; 6]),
+    ] {
+        let (_folder, path) = path();
+        let mut output = create(&path, false, "").with_sync(sync);
+        for (k, frames) in (0..).zip(on_disk) {
+            append(&mut output, k, false);
+            // A copy is what a kill at this moment would leave.
+            let copy = path.with_extension("copy");
+            std::fs::copy(&path, &copy).unwrap();
+            let file = File::open(&copy).unwrap();
+            assert_eq!(
+                (frames_in(&file), reals(&file, "VTKHDF/Steps/Values").len()),
+                (frames, frames as usize)
+            );
+        }
+        drop(output);
+        assert_eq!(frames_in(&File::open(&path).unwrap()), 6, "{sync:?}");
+    }
+}
+
+#[test]
+fn no_more_is_held_than_memory_is_meant_for_it() {
+    let (_folder, path) = path();
+    let mut output = create(&path, false, "").with_sync(SyncEvery::End);
+    for k in 0..1025 {
+        append(&mut output, k, false);
+    }
+    let copy = path.with_extension("copy");
+    std::fs::copy(&path, &copy).unwrap();
+    assert_eq!(frames_in(&File::open(&copy).unwrap()), 1024);
+    output.sync().unwrap();
+    std::fs::copy(&path, &copy).unwrap();
+    assert_eq!(frames_in(&File::open(&copy).unwrap()), 1025);
 }

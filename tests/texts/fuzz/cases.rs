@@ -46,7 +46,7 @@ const KEYS: &[&str] = &[
     "contact.interaction_distance", "friction", "friction.coefficient", "friction.regularization_velocity",
     "friction.rotation", "solver", "solver.method", "solver.tolerance", "solver.norm",
     "solver.velocity_scale", "solver.neglected_force", "solver.step", "solver.initial_step", "solver.min_step", "solver.max_step",
-    "output", "output.file", "output.interval", "output.energy", "checkpoint", "checkpoint.interval",
+    "output", "output.file", "output.interval", "output.energy", "output.sync", "checkpoint", "checkpoint.interval",
     "checkpoint.wall", "limits", "limits.wall", "stop", "stop.unbalanced_force", "stop.kinetic_energy",
     "stop.height_change", "stop.window", "x", "particles.x", "t_end.x", "contact.resitution",
     "container.wall.normal", "a.b.c.d.e", "", "..", "\"quoted\"",
@@ -319,7 +319,7 @@ const POSITIVE: &[&str] = &[
 const RIGHT: &[(&str, &str)] = &[
     ("contact.restitution", "1"), ("contact.restitution", "0"), ("contact.restitution", "0.7"),
     ("friction.coefficient", "0"), ("friction", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
-    ("friction.rotation", "false"), ("output.energy", "true"),
+    ("friction.rotation", "false"), ("output.energy", "true"), ("output.sync", "\"end\""),
     ("solver", "{ method = \"velocity-verlet\", step = 1e-4 }"),
     ("solver", "{ method = \"velocity-verlet\", step = 1e300 }"), ("solver.method", "\"auto\""),
     ("solver.method", "\"chebyshev\""), ("solver.method", "\"dormand-prince\""),
