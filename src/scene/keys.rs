@@ -145,7 +145,7 @@ pub(super) const KEYS: &[Key] = &[
     optional("output.interval", Number(Positive), "the simulated time between frames in s", "0.02"),
     optional("output.energy", Switch, "whether dissipated energy is integrated and written", "false"),
     optional("output.sync", WordOrNumber(SyncEvery::WORDS, Positive),
-             "how often frames are forced to the disk, as wall time in s, at every frame or at the end", "1.0"),
+             "how often frames are forced to the disk: wall time in s, every frame, or at the end", "1.0"),
 
     optional("checkpoint.interval", Number(Positive),
              "the simulated time in s between two checkpoints", "0.5"),

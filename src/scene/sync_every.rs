@@ -11,7 +11,8 @@ use toml::Value;
 /// use demhybrid::scene::{Scene, SyncEvery};
 ///
 /// let text = std::fs::read_to_string("configs/quick.toml")?;
-/// let sync = |set: &str| Scene::parse("quick.toml", &text, &[set.to_owned()]).map(|scene| scene.output.sync);
+/// let scene = |set: &str| Scene::parse("quick.toml", &text, &[set.to_owned()]);
+/// let sync = |set: &str| scene(set).map(|scene| scene.output.sync);
 /// assert_eq!(sync("output.sync=frame")?, SyncEvery::Frame);
 /// assert_eq!(sync("output.sync=10")?, SyncEvery::Seconds(10.0));
 /// let mistake = sync("output.sync=never").unwrap_err();
