@@ -331,8 +331,8 @@ fn reference_cases_end_where_they_should_on_two_and_three_ranks() {
 #[track_caller]
 fn assert_fault_ends_the_job(points: &str, threads: &str, parts: &[&str]) {
     let folder = long_run();
-    let mut job =
-        Job::on(2, folder.path(), &["scene.toml", "--threads", threads]).with_fault(1, points).start();
+    let arguments = ["scene.toml", "--threads", threads, "--set", "output.sync=frame"];
+    let mut job = Job::on(2, folder.path(), &arguments).with_fault(1, points).start();
     job.wait_for("a message", |text| text.contains("demhybrid: internal error"));
     job.must_end_within(FAULT_DEADLINE);
     let ended = job.end().with_code(70);
