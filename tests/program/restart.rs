@@ -254,6 +254,30 @@ fn a_killed_run_keeps_the_frames_that_were_forced_to_the_disk() {
 }
 
 #[test]
+fn a_run_goes_on_in_a_file_whose_arrays_are_longer_than_their_chunks() {
+    let folder = folder();
+    // The run ends without closing its file.
+    let points = "output=12*off->panic(no frame today)";
+    Job::alone(folder.path(), &["scene.toml"]).with_variable("FAILPOINTS", points).run().with_code(70);
+    let path = folder.path().join("scene.vtkhdf");
+    let results = Results::open(&path);
+    let rows = results.arrays().into_iter().find(|(name, _)| name.ends_with("/Points")).unwrap().1[0] as u64;
+    assert_eq!((results.frames() as u64 * 200, results.count("completed")), (rows, 0));
+    drop(results);
+    // A kill in mid-flush leaves lengths without the chunks for them. 13 frames of 200 spheres are a chunk.
+    let shape = |rows: u64| [rows, 3, u64::MAX, 3].map(u64::to_le_bytes).concat();
+    let (old, new) = (shape(rows), shape(30 * 200));
+    let mut bytes = fs::read(&path).unwrap();
+    let found: Vec<usize> = (0..bytes.len() - old.len()).filter(|&k| bytes[k..].starts_with(&old)).collect();
+    assert_eq!(found.len(), 3, "positions, velocities and spins");
+    found.iter().for_each(|&k| bytes[k..k + new.len()].copy_from_slice(&new));
+    fs::write(&path, bytes).unwrap();
+    for ranks in [0, 2] {
+        assert_goes_on(ranks, copy_of(folder.path()).path(), &format!("{ranks} ranks"));
+    }
+}
+
+#[test]
 fn a_file_that_was_removed_or_replaced_ends_the_run_after_a_checkpoint() {
     for (replaced, what) in [(false, "removed"), (true, "replaced by another file")] {
         let folder = folder();

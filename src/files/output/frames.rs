@@ -63,7 +63,8 @@ pub struct Frames {
     cell_offsets: Vec<Dataset>,
     real_columns: Vec<Column<f64>>,
     count_columns: Vec<Column<u64>>,
-    /// `Steps/Values`, s. It must never be longer than `NSteps` says, or VTK's reader crashes.
+    /// `Steps/Values`, s. It must never be longer than `NSteps` says if that is 2 or more, or VTK's reader
+    /// crashes.
     times: Dataset,
     steps: Group,
     run: Group,
@@ -318,12 +319,21 @@ impl Frames {
 
     /// Writes what belongs to the frames that are held beside their columns, and flushes. Collective.
     ///
-    /// First come all data, then the times and `NSteps`, which declare the frames complete.
+    /// First come all data, then `NSteps` and the times, which declare the frames complete. Of these two
+    /// `NSteps` reaches the file first, because it lies before the other. A kill between them leaves frames
+    /// without times, which [`inspect`](super::inspect) does not count.
     fn declare(&mut self) -> Result<()> {
         self.report = self.transfer.report()?;
         let held = mem::take(&mut self.held);
         let frames = self.complete..self.complete + held.len() as u64;
         let sizes = vec![self.count as i64; held.len()];
+        let times: Vec<f64> = held.iter().map(|frame| frame.time).collect();
+        // While `NSteps` is 0, VTK reads no times, however many there are. So the first come with the data:
+        // they need a chunk, and a kill before the superblock knows of it would leave unreadable times.
+        let first = frames.start == 0;
+        if first {
+            self.put(&self.times, 0, &times)?;
+        }
         // While `NSteps` is 1, VTK treats the file as static and takes the rows of `NumberOfPoints` for
         // parts. So the second row must wait for `NSteps` = 2. No other row has to wait.
         let wait = frames.start == 1;
@@ -350,12 +360,14 @@ impl Frames {
         if wait {
             self.put(&self.sizes, frames.start, &sizes)?;
         }
-        self.put(&self.times, frames.start, &held.iter().map(|frame| frame.time).collect::<Vec<_>>())?;
+        if !first {
+            self.put(&self.times, frames.start, &times)?;
+        }
         set(&self.steps, "NSteps", frames.end as i64)?;
         if let Some(last) = held.last() {
             self.count_up(last)?;
         }
-        self.flush(small_growth(&frames))?;
+        self.flush(if first { 0 } else { small_growth(&frames) })?;
         self.complete = frames.end;
         Ok(())
     }
@@ -462,7 +474,7 @@ fn small_growth(frames: &Range<u64>) -> u64 {
 pub(super) fn largest_growth(count: u64) -> u64 {
     let rows = rows_per_chunk(count);
     let chunks = (frames_held(count) * count).div_ceil(rows) + 1;
-    3 * chunks * (rows * VECTOR_BYTES + INDEX_BYTES) + 2 * small_arrays()
+    3 * chunks * (rows * VECTOR_BYTES + INDEX_BYTES) + small_arrays()
 }
 
 /// Upper bound of the bytes of one more chunk in every array with one row per frame.

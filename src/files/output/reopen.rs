@@ -51,15 +51,18 @@ pub fn inspect(path: &Path) -> Result<Found, String> {
     let frames: i64 = steps.attr("NSteps").and_then(|found| found.read_scalar()).map_err(foreign)?;
     let ids = file.dataset("VTKHDF/PointData/id").map_err(foreign)?;
     let frames = u64::try_from(frames).map_err(|_| format!("it claims {frames} frames"))?;
-    let times: Vec<f64> = steps.dataset("Values").and_then(|times| times.read_raw()).map_err(foreign)?;
-    let times = times.get(..frames as usize).ok_or("it holds fewer frames than it claims")?.to_vec();
+    // A kill in the first flush may leave times that cannot be read.
+    let read = || steps.dataset("Values").and_then(|times| times.read_raw());
+    let times: Vec<f64> = if frames == 0 { Vec::new() } else { read().map_err(foreign)? };
+    // A kill between the writes of `NSteps` and of the times leaves frames without times.
+    let times = times[..times.len().min(frames as usize)].to_vec();
     if !times.iter().all(|time| time.is_finite()) {
         return Err("a frame of it has no finite time".into());
     }
     Ok(Found {
         scene,
         completed: completed == 1,
-        frames,
+        frames: times.len() as u64,
         times,
         count: ids.shape().first().copied().unwrap_or(0) as u64,
     })
@@ -122,6 +125,8 @@ pub fn prepare(path: &Path, frames: u64, info: &RunInfo) -> Result<(), String> {
             // of the file that the superblock states, and new data would overwrite them.
             let count = root.dataset("PointData/id")?.size() as u64;
             begin_behind_the_end(&file, largest_growth(count))?;
+            let there = steps.attr("NSteps")?.read_scalar::<i64>()?;
+            cut_to_chunks(&root, there.max(0) as u64, count)?;
         }
         // There must never be more times than `NSteps` says, or VTK's reader crashes.
         shorten(&steps, &["Values"], frames)?;
@@ -189,6 +194,25 @@ fn shorten(group: &Group, names: &[&str], rows: u64) -> hdf5::Result<()> {
         }
     }
     Ok(())
+}
+
+/// Cuts the growing arrays in `group` to the chunks of the `frames` complete frames of `count` particles.
+///
+/// After a kill an array may already be longer than the tree of its chunks knows. A chunk that is missing
+/// there is made only when the array grows.
+fn cut_to_chunks(group: &Group, frames: u64, count: u64) -> hdf5::Result<()> {
+    for array in group.datasets()? {
+        let (name, mut shape) = (array.name(), array.shape());
+        let of_particles = name == "/VTKHDF/Points" || name.starts_with("/VTKHDF/PointData/");
+        let rows = if of_particles { frames * count } else { frames } as usize;
+        if let Some(chunk) = array.chunk()
+            && shape[0] > rows.next_multiple_of(chunk[0])
+        {
+            shape[0] = rows.next_multiple_of(chunk[0]);
+            array.resize(shape)?;
+        }
+    }
+    group.groups()?.iter().try_for_each(|group| cut_to_chunks(group, frames, count))
 }
 
 fn replace_text(group: &Group, name: &str, text: &str) -> hdf5::Result<()> {

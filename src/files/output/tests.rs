@@ -374,6 +374,66 @@ fn a_run_goes_on_in_a_file_that_does_not_know_of_its_last_chunks() {
 }
 
 #[test]
+fn frames_without_times_are_not_complete() {
+    // What a kill between the two writes that declare frames complete leaves.
+    let (_folder, path) = path();
+    let mut output = create(&path, false, "");
+    (0..5).for_each(|k| append(&mut output, k, false));
+    drop(output);
+    File::open_rw(&path).unwrap().dataset("VTKHDF/Steps/Values").unwrap().resize(3).unwrap();
+    let found = super::inspect(&path).unwrap();
+    assert_eq!((found.frames, found.times), (3, vec![0.0, 0.25, 0.5]));
+}
+
+#[test]
+fn a_run_that_was_killed_in_its_first_flush_has_no_frames() {
+    // The arrays know of their first chunks. The new end of the file, in the superblock, was not on the disk.
+    let (_folder, path) = path();
+    let mut output = create(&path, false, "");
+    let end = 40..48;
+    let old = std::fs::read(&path).unwrap()[end.clone()].to_vec();
+    append(&mut output, 0, false);
+    drop(output);
+    let file = File::open_rw(&path).unwrap();
+    file.group("VTKHDF/Steps").unwrap().attr("NSteps").unwrap().write_scalar(&0_i64).unwrap();
+    file.close().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[end].copy_from_slice(&old);
+    std::fs::write(&path, bytes).unwrap();
+    let file = File::open(&path).unwrap();
+    assert!(file.dataset("VTKHDF/Steps/Values").and_then(|times| times.read_raw::<f64>()).is_err());
+    let found = super::inspect(&path).unwrap();
+    assert_eq!((found.frames, found.times), (0, vec![]));
+}
+
+#[test]
+fn arrays_that_are_longer_than_their_chunks_are_cut_to_them() {
+    let (_folder, path) = path();
+    let mut output = create(&path, true, "");
+    (0..905).for_each(|k| append(&mut output, k, true));
+    drop(output);
+    let file = File::open_rw(&path).unwrap();
+    let names = ["VTKHDF/Points", "VTKHDF/PointData/velocity", "VTKHDF/PointData/angular_velocity"];
+    for name in names {
+        dataset(&file, name).resize((2740, 3)).unwrap();
+    }
+    for name in ["VTKHDF/Steps/PointOffsets", "VTKHDF/Vertices/NumberOfCells"] {
+        dataset(&file, name).resize(1030).unwrap();
+    }
+    file.close().unwrap();
+    super::prepare(&path, 903, &info("")).unwrap();
+    let file = File::open(&path).unwrap();
+    // A chunk of vectors has 910 frames of 3 particles; one of the small arrays 1024 frames.
+    for name in names {
+        assert_eq!(dataset(&file, name).shape(), [2730, 3], "{name}");
+    }
+    for name in ["VTKHDF/Steps/PointOffsets", "VTKHDF/Vertices/NumberOfCells"] {
+        assert_eq!(dataset(&file, name).shape(), [1024], "{name}");
+    }
+    assert_eq!(dataset(&file, "VTKHDF/PointData/id").shape(), [3]);
+}
+
+#[test]
 fn a_fixed_step_is_an_attribute_only_of_a_method_that_has_one() {
     let (_folder, file) = described(0, |_| ());
     assert!(file.group("run").unwrap().attr("step").is_err());
