@@ -404,7 +404,7 @@ fn text(file: &NamedTempFile) -> String {
     String::from_utf8_lossy(&fs::read(file.path()).unwrap()).into_owned()
 }
 
-/// An output file. Like any reader it trusts `NSteps` alone for how many frames there are.
+/// An output file. There are as many frames as `NSteps` says, but no more than have times.
 pub struct Results(hdf5::File);
 
 impl Results {
@@ -418,7 +418,8 @@ impl Results {
     /// Complete frames.
     pub fn frames(&self) -> usize {
         let steps = self.0.group("VTKHDF/Steps").unwrap();
-        steps.attr("NSteps").unwrap().read_scalar::<i64>().unwrap() as usize
+        let declared = steps.attr("NSteps").unwrap().read_scalar::<i64>().unwrap() as usize;
+        declared.min(steps.dataset("Values").unwrap().size())
     }
 
     /// Particles of every frame.
