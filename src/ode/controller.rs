@@ -118,8 +118,17 @@ pub struct StepControl {
     /// Steps longer than this do not follow the fastest oscillations of the problem, s; infinite if there are
     /// none.
     pub long: f64,
-    /// Lowest error over tolerance in a sequence of long steps; none outside of one.
-    pub lowest: Option<f64>,
+    /// What long steps have seen; none outside of a sequence of them.
+    pub seen: Option<Seen>,
+}
+
+/// Errors over tolerance in a sequence of long steps.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Seen {
+    /// The lowest.
+    lowest: f64,
+    /// The lowest since they grew last.
+    low: f64,
 }
 
 /// Errors over tolerance of long steps are not told apart below this: rounding is no sign of instability.
@@ -129,21 +138,20 @@ const LEAST_LOW: f64 = 1e-10;
 /// alone would give.
 ///
 /// A long step does not follow the fastest oscillations. Nothing shows that they are stable but that they fade.
-/// So a long step grows where its error is the lowest so far. It shrinks where it is not, and more where it is
-/// three times the lowest. So what comes to rest stays at rest, with steps as long as the method allows.
-fn long_step(lowest: &mut Option<f64>, error: f64, wanted: (f64, Limit)) -> (f64, Limit) {
+/// So a long step grows only where its error is the lowest of all. It shrinks a little where it is not, and more
+/// where errors have grown threefold. So what comes to rest stays at rest, with steps as long as the method
+/// allows; where the motion goes on, steps shrink until they are not long.
+fn long_step(seen: &mut Option<Seen>, error: f64, wanted: (f64, Limit)) -> (f64, Limit) {
     let error = error.max(LEAST_LOW);
-    let before = lowest.unwrap_or(f64::INFINITY);
-    let most = if error <= before {
-        1.2
-    } else if error <= 3.0 * before {
-        0.97
+    let before = seen.unwrap_or(Seen { lowest: error, low: error });
+    let (now, most) = if error <= before.lowest {
+        (Seen { lowest: error, low: error }, 1.3)
+    } else if error <= 3.0 * before.low {
+        (Seen { low: before.low.min(error), ..before }, 0.97)
     } else {
-        0.7
+        (Seen { low: error, ..before }, 0.7)
     };
-    if error <= before || error > 3.0 * before {
-        *lowest = Some(error);
-    }
+    *seen = Some(now);
     if wanted.0 > most { (most, Limit::Stability) } else { wanted }
 }
 
@@ -165,7 +173,7 @@ impl StepControl {
             before: None,
             rejected: false,
             long: f64::INFINITY,
-            lowest: None,
+            seen: None,
         }
     }
 
@@ -187,10 +195,10 @@ impl StepControl {
             StepRule::ProportionalIntegral => self.proportional_integral(error / self.tolerance, met, order),
         };
         let (factor, limit) = if h <= self.long {
-            self.lowest = None;
+            self.seen = None;
             (factor, limit)
         } else if met {
-            long_step(&mut self.lowest, error / self.tolerance, (factor, limit))
+            long_step(&mut self.seen, error / self.tolerance, (factor, limit))
         } else {
             (factor, limit)
         };
@@ -321,18 +329,19 @@ mod tests {
         let is = |found: (f64, Limit), expected: f64| {
             assert!((found.0 - expected).abs() < 1e-12 && found.1 == Limit::Stability, "{found:?}");
         };
-        is(factor(2e-2, 1e-4), 1.2);
-        is(factor(2e-2, 0.5e-4), 1.2);
+        is(factor(2e-2, 1e-4), 1.3);
+        is(factor(2e-2, 0.5e-4), 1.3);
         is(factor(2e-2, 1e-4), 0.97);
         is(factor(2e-2, 2e-4), 0.7);
-        // Now that error is the lowest.
-        is(factor(2e-2, 1.9e-4), 1.2);
+        // It does not grow before the error is as low as it was.
+        is(factor(2e-2, 1.9e-4), 0.97);
+        is(factor(2e-2, 0.5e-4), 1.3);
         // Rounding is no motion.
-        is(factor(2e-2, 1e-14), 1.2);
-        is(factor(2e-2, 9e-12), 1.2);
+        is(factor(2e-2, 1e-14), 1.3);
+        is(factor(2e-2, 9e-12), 1.3);
         // A short step follows its error, and forgets what was.
         assert_ne!(factor(1e-2, 1e-4).1, Limit::Stability);
-        is(factor(2e-2, 1e-3), 1.2);
+        is(factor(2e-2, 1e-4), 1.3);
         // What the error forbids stays forbidden.
         assert_eq!(factor(2e-2, 0.09).1, Limit::Error);
     }

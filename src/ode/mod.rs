@@ -18,7 +18,7 @@ mod tests;
 pub mod verlet;
 
 pub use chebyshev::Chebyshev;
-pub use controller::{Decision, Limit, StepControl, StepRule};
+pub use controller::{Decision, Limit, Seen, StepControl, StepRule};
 pub use errors::Errors;
 pub use names::{MethodName, NormName};
 pub use rows::{Layout, Norm, Part, Rows, Segment, largest_magnitude};

@@ -18,7 +18,7 @@ fn point(y: &[f64]) -> Point {
 
 /// A norm in which position and velocity count alike.
 fn plain(rate: bool) -> Norm {
-    Norm { weights: vec![vec![1.0, 1.0]], rate }
+    Norm { weights: vec![vec![1.0, 1.0]], rate, mean: None }
 }
 
 /// x'' = force(t, x, v) for one point.
@@ -397,7 +397,7 @@ impl Ivp for Chain {
     fn agree(&mut self, _y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
         let parts = self.layout.clone();
         let errors = parts.parts().map(|part| finish(part, &mut next[part.range()]));
-        let error = errors.fold(0.0, f64::max);
+        let error = errors.map(|errors| errors.error()).fold(0.0, f64::max);
         TrialOutcome { error, covered: true, within_travel: true }
     }
     fn length(&mut self, v: &[f64]) -> f64 {

@@ -118,7 +118,7 @@ fn a_bed_comes_to_rest_and_its_energy_never_rises() {
     // What rests does not move: the last two seconds, while the slowest modes still fade.
     let before = &run.frames[run.frames.len() - 21];
     let moved = end.x.iter().zip(&before.x).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-    assert!(moved < 1e-5, "{moved:e} m");
+    assert!(moved < 1e-4, "{moved:e} m");
 }
 
 #[test]

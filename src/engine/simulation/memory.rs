@@ -13,7 +13,7 @@ use crate::engine::dynamics::{ContactRecords, Dynamics, Extremes, Particles};
 use crate::error::Error;
 use crate::math::vector::Vec3;
 use crate::model::columns::Columns;
-use crate::ode::{Dissipation, StepStart, integrator};
+use crate::ode::{Dissipation, Seen, StepStart, integrator};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 
@@ -30,9 +30,9 @@ pub struct Memory {
     pub direction_known: bool,
     /// Dissipation in the slope, W.
     dissipation: Dissipation,
-    /// Memory of the step control: the last error, whether the last trial was rejected, and the lowest
-    /// error of long steps.
-    control: (Option<f64>, bool, Option<f64>),
+    /// Memory of the step control: the last error, whether the last trial was rejected, and what long steps
+    /// have seen.
+    control: (Option<f64>, bool, Option<Seen>),
     integrator: integrator::Memory,
     extremes: Extremes,
 }
@@ -149,7 +149,7 @@ impl<'c> Simulation<'c> {
         }
         let mut simulation = Simulation::empty(scene, comm, dynamics, scale);
         let control = &mut simulation.control;
-        (control.before, control.rejected, control.lowest) = memory.control;
+        (control.before, control.rejected, control.seen) = memory.control;
         (simulation.progress, simulation.schedule.saved) = (memory.progress, memory.t);
         simulation.integrator.recall(&memory.integrator);
         simulation.choose_cutoff();
@@ -176,7 +176,7 @@ impl<'c> Simulation<'c> {
             slope_known: step_start.slope_known,
             direction_known: step_start.direction_known,
             dissipation: step_start.dissipation,
-            control: (control.before, control.rejected, control.lowest),
+            control: (control.before, control.rejected, control.seen),
             integrator: self.integrator.memory(),
             extremes: dynamics.extremes(),
         });

@@ -44,7 +44,7 @@ const KEYS: &[&str] = &[
     "container.box.max", "container.wall", "contact", "contact.repulsion_at_contact",
     "contact.stiffness_exponent", "contact.restitution", "contact.dissipation_focusing",
     "contact.interaction_distance", "friction", "friction.coefficient", "friction.regularization_velocity",
-    "friction.rotation", "solver", "solver.method", "solver.tolerance", "solver.norm",
+    "friction.rotation", "friction.law", "friction.stiffness_ratio", "friction.damping", "solver", "solver.method", "solver.tolerance", "solver.norm",
     "solver.velocity_scale", "solver.neglected_force", "solver.step", "solver.initial_step", "solver.min_step", "solver.max_step",
     "output", "output.file", "output.interval", "output.energy", "output.sync", "checkpoint", "checkpoint.interval",
     "checkpoint.wall", "limits", "limits.wall", "stop", "stop.unbalanced_force", "stop.kinetic_energy",
@@ -309,8 +309,8 @@ const POSITIVE: &[&str] = &[
     "t_end", "particles.radius", "particles.mass", "particles.grid.spacing", "particles.grid.jitter",
     "particles.grid.bottom", "contact.repulsion_at_contact", "contact.stiffness_exponent",
     "contact.dissipation_focusing", "contact.interaction_distance", "friction.coefficient",
-    "friction.regularization_velocity", "solver.tolerance", "solver.velocity_scale", "solver.initial_step",
-    "solver.min_step", "solver.max_step", "output.interval", "checkpoint.interval", "checkpoint.wall",
+    "friction.regularization_velocity", "friction.stiffness_ratio", "friction.damping", "solver.tolerance",
+    "solver.velocity_scale", "solver.initial_step", "solver.min_step", "solver.max_step", "output.interval", "checkpoint.interval", "checkpoint.wall",
     "limits.wall",
 ];
 
@@ -319,6 +319,8 @@ const POSITIVE: &[&str] = &[
 const RIGHT: &[(&str, &str)] = &[
     ("contact.restitution", "1"), ("contact.restitution", "0"), ("contact.restitution", "0.7"),
     ("friction.coefficient", "0"), ("friction", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
+    ("friction", "{ law = \"history\", coefficient = 0.3 }"), ("friction.law", "\"history\""),
+    ("friction.law", "\"regularized\""), ("friction.damping", "0"), ("solver.norm", "\"mean\""),
     ("friction.rotation", "false"), ("output.energy", "true"), ("output.sync", "\"end\""),
     ("solver", "{ method = \"velocity-verlet\", step = 1e-4 }"),
     ("solver", "{ method = \"velocity-verlet\", step = 1e300 }"), ("solver.method", "\"auto\""),
