@@ -8,8 +8,9 @@ use crate::domain::{Comm, launch};
 use crate::error::Error;
 use crate::math::digits;
 use crate::model::columns::Column;
-use crate::scene::Scene;
+use crate::model::history::MEMORY;
 use crate::scene::initial_condition::{self, InitialCondition};
+use crate::scene::{Scene, effects};
 use std::iter;
 use std::path::Path;
 
@@ -72,6 +73,9 @@ const LISTED_PAIRS: f64 = 13.0;
 /// Near pairs per particle in a packed bed, approximately: the listed pairs that are evaluated.
 const NEAR_PAIRS: f64 = 8.5;
 
+/// Contacts within reach per particle in a packed bed, approximately.
+const CONTACTS: f64 = 5.5;
+
 /// Memory of the initial condition of one particle, bytes. Every rank holds that of all particles.
 pub const START_BYTES: u64 = 72;
 
@@ -81,7 +85,14 @@ pub fn bytes_per_particle(scene: &Scene) -> u64 {
     // The state vectors of the method, and the bodies at which forces are evaluated; then three earlier
     // positions (24 bytes each) and an id.
     let states = (state_vectors(scene) + 1) as f64 * 8.0 * components + 3.0 * 24.0 + 8.0;
-    (states + 8.0 * (LISTED_PAIRS + NEAR_PAIRS)) as u64
+    let lists = 8.0 * (LISTED_PAIRS + NEAR_PAIRS);
+    if effects::law(scene).memory.is_none() {
+        return (states + lists) as u64;
+    }
+    // The rows of contacts in all vectors and at the stage, two ids and whether they count; the number of the
+    // row of every listed and every near pair.
+    let rows = CONTACTS * ((state_vectors(scene) + 1) as f64 * 8.0 * MEMORY as f64 + 17.0);
+    (states + lists + rows + 0.5 * lists) as u64
 }
 
 /// Refuses a scene of `count` particles that does not fit into the memory of this machine. Collective.

@@ -2,7 +2,7 @@
 
 use crate::files::checkpoint;
 use crate::model::columns::Columns;
-use crate::scene::Scene;
+use crate::scene::{Scene, effects};
 
 /// Size of an output file without frames, bytes: mostly chunks of the small arrays.
 const OUTPUT_BYTES: u64 = 600 << 10;
@@ -16,7 +16,8 @@ pub fn output_bytes(scene: &Scene, count: u64) -> u64 {
 /// Upper bound of the size of both checkpoints together, bytes; 0 if the scene asks for none.
 pub fn checkpoint_bytes(scene: &Scene, count: u64) -> u64 {
     let slots = if scene.checkpoint.is_some() { 2 } else { 0 };
-    checkpoint::bytes(count, &Columns::new(scene.rotates())).saturating_mul(slots)
+    let remembers = effects::law(scene).memory.is_some();
+    checkpoint::bytes(count, &Columns::new(scene.rotates()), remembers).saturating_mul(slots)
 }
 
 /// Number of frames of the scene, including the one at t = 0.

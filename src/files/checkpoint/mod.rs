@@ -17,6 +17,7 @@ mod write;
 
 use crate::engine::simulation::{FrameSummary, Memory};
 use crate::model::columns::{Changes, Columns};
+use crate::model::history::MEMORY;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -101,10 +102,14 @@ pub fn clear(output: &Path) {
     let _ = std::fs::remove_file(stop_file(output));
 }
 
-/// Upper bound of the size of one checkpoint of `count` particles, bytes.
-pub fn bytes(count: u64, columns: &Columns) -> u64 {
+/// Upper bound of the size of one checkpoint of `count` particles, bytes. `remembers` says whether contacts have
+/// a memory.
+pub fn bytes(count: u64, columns: &Columns, remembers: bool) -> u64 {
+    // As many contacts as equal spheres within the usual cutoff can have, each with the other id and with its
+    // memory in three vectors.
+    let contacts = if remembers { 24 * (1 + 3 * MEMORY as u64) } else { 0 };
     let [state, constants] = [Changes::EveryStage, Changes::WithLists].map(|changes| columns.width(changes));
-    let numbers = 3 + (3 * state + constants) as u64;
+    let numbers = 3 + (3 * state + constants) as u64 + contacts;
     // 64 KiB for the header and the table.
     (1 << 16) + count.saturating_mul(8 * numbers)
 }
