@@ -172,14 +172,21 @@ pub struct Block {
     pub walls: Vec<[u32; 2]>,
     /// Those of `walls` that can come within `l_max` before a particle has moved by half the inner skin.
     pub near_walls: Vec<[u32; 2]>,
-    /// The rows of the memories of `pairs`, in order. Empty where contacts have no memory.
+    /// Whether contacts have a memory.
+    pub remembers: bool,
+    /// The rows of the memories of `pairs`, in order. Empty where contacts have no memory, and so are all of the
+    /// following.
     pub pair_rows: Vec<u32>,
     /// Those of `near`.
     pub near_rows: Vec<u32>,
-    /// Those of `walls`.
+    /// Indices of `near` in `pairs`.
+    pub near_places: Vec<u32>,
+    /// The rows of `walls`.
     pub wall_rows: Vec<u32>,
     /// Those of `near_walls`.
     pub near_wall_rows: Vec<u32>,
+    /// Indices of `near_walls` in `walls`.
+    pub near_wall_places: Vec<u32>,
 }
 
 impl Block {
@@ -216,9 +223,6 @@ impl Block {
         // A distance that is NaN must not count as far: the fault has to show in the forces.
         let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&x[i as usize]) > wall_cutoff;
         self.near_walls.extend(self.walls.iter().copied().filter(|contact| !far(contact)));
-        self.near_wall_rows.clear();
-        let wall_rows = self.walls.iter().zip(&self.wall_rows).filter(|(contact, _)| !far(contact));
-        self.near_wall_rows.extend(wall_rows.map(|(_, row)| row));
         // Without a branch: every pair is written, and the next one overwrites it if it is far.
         self.near.resize(self.pairs.len(), [0; 2]);
         let mut kept = 0;
@@ -230,13 +234,10 @@ impl Block {
             kept += usize::from(!far);
         }
         self.near.truncate(kept);
-        self.near_rows.clear();
-        if !self.pair_rows.is_empty() {
-            self.near_rows.reserve(self.pairs.len());
-            // Near pairs are in the order of the listed ones.
-            let mut listed = self.pairs.iter().zip(&self.pair_rows);
-            let row = |near| listed.find(|(pair, _)| *pair == near).map_or(u32::MAX, |(_, &row)| row);
-            self.near_rows.extend(self.near.iter().map(row));
+        if self.remembers {
+            find_places(&self.pairs, &self.near, &mut self.near_places);
+            find_places(&self.walls, &self.near_walls, &mut self.near_wall_places);
+            self.look_up_rows();
         }
         self.horizon.clear();
         // Enough for the case that all pairs are near. Near pairs are also picked within steps, where nothing
@@ -249,6 +250,17 @@ impl Block {
         self.horizon.extend(self.near.chunks(BATCH).map(horizon));
     }
 
+    /// Looks up the rows of near contacts among those of listed ones.
+    pub fn look_up_rows(&mut self) {
+        let rows = |listed: &[u32], places: &[u32], near: &mut Vec<u32>| {
+            near.clear();
+            near.reserve(listed.len());
+            near.extend(places.iter().map(|&place| listed[place as usize]));
+        };
+        rows(&self.pair_rows, &self.near_places, &mut self.near_rows);
+        rows(&self.wall_rows, &self.near_wall_places, &mut self.near_wall_rows);
+    }
+
     fn bytes(&self) -> usize {
         let lists = [&self.pairs, &self.near, &self.walls, &self.near_walls].map(Vec::capacity);
         let singles = [
@@ -256,6 +268,8 @@ impl Block {
             &self.ghosts,
             &self.exported,
             &self.pair_rows,
+            &self.near_places,
+            &self.near_wall_places,
             &self.near_rows,
             &self.wall_rows,
             &self.near_wall_rows,
@@ -263,6 +277,15 @@ impl Block {
         let singles = singles.map(Vec::capacity).iter().sum::<usize>();
         lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + singles * size_of::<u32>()
     }
+}
+
+/// Finds the indices of the `near` contacts among the `listed` ones, which are in the same order.
+fn find_places(listed: &[[u32; 2]], near: &[[u32; 2]], places: &mut Vec<u32>) {
+    places.clear();
+    // Near contacts are also picked within steps, where nothing may be allocated.
+    places.reserve(listed.len());
+    let mut rest = (0..).zip(listed);
+    places.extend(near.iter().filter_map(|contact| Some(rest.find(|(_, other)| *other == contact)?.0)));
 }
 
 /// Neighbour lists of a rank: all pairs and walls that its owned particles can touch before a particle has

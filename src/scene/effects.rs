@@ -36,10 +36,10 @@ impl Effects {
         };
         let memory = match &scene.friction {
             Some(f) if f.coefficient > 0.0 && f.law == FrictionLaw::History => {
-                "memory     on   friction.law = \"history\": contacts know how far they have been sheared"
+                "history    on   friction.law = \"history\": contacts know how far they have been sheared"
             }
-            Some(f) if f.coefficient > 0.0 => "memory     off  friction.law = \"regularized\"",
-            _ => "memory     off  without friction there is nothing to remember",
+            Some(f) if f.coefficient > 0.0 => "history    off  friction.law = \"regularized\"",
+            _ => "history    off  without friction there is nothing to remember",
         };
         let rotation = match &scene.friction {
             Some(f) if f.coefficient > 0.0 && f.rotation => "rotation   on   friction.rotation = true",

@@ -143,3 +143,13 @@ fn every_method_rests() {
         assert!(end.x[3].z > 0.2, "{method}: the pile stands");
     }
 }
+
+#[test]
+fn frames_do_not_touch_steps() {
+    let end = |interval: f64| {
+        let case =
+            remembering(Case::config("bed.toml"), true).set("t_end", 0.6).set("solver.method", "merson");
+        case.set("output.interval", interval).run().end().bits()
+    };
+    assert_eq!(end(0.6), end(0.0013));
+}

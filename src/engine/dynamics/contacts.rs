@@ -165,14 +165,15 @@ impl Dynamics<'_> {
         }
         self.put_bodies(y);
         self.forces.find_contacts();
-        self.forces.take_contacts();
-        y.resize(self.particle_numbers() + self.forces.memory_rows() * MEMORY, 0.0);
-        self.note_contacts();
+        let found = self.forces.take_contacts(&self.domain.ids);
+        let keys = found.map(|turnover| turnover.first_keys).unwrap_or_default();
+        y.resize(self.particle_numbers() + keys.len() * MEMORY, 0.0);
+        self.note_contacts(keys.into_iter());
     }
 
     /// Takes over the contacts of a newly accepted state, which the last trial has found.
     pub fn follow_contacts(&mut self, step_start: &mut StepStart) {
-        let Some(turnover) = self.forces.take_contacts() else { return };
+        let Some(turnover) = self.forces.take_contacts(&self.domain.ids) else { return };
         let particles = self.particle_numbers();
         let StepStart { y, slope, slope_known, direction, direction_known, .. } = step_start;
         let follow = |vector: &mut Vec<f64>, first: &[[f64; MEMORY]]| {
@@ -193,12 +194,15 @@ impl Dynamics<'_> {
         if *direction_known {
             follow(direction, &[]);
         }
-        self.note_contacts();
+        let Contacts { keys, counted } = std::mem::take(&mut self.contacts);
+        let mut first = turnover.first_keys.iter();
+        let old = |source: usize| Some((*keys.get(source)?, counted[source]));
+        let key = |&source: &u32| old(source as usize).or_else(|| first.next().copied());
+        self.note_contacts(turnover.sources.iter().filter_map(key));
     }
 
-    /// Takes note of the rows that the contacts have now.
-    fn note_contacts(&mut self) {
-        let keys = self.forces.contact_keys(&self.domain.ids);
+    /// Takes note of the rows that the contacts have now: their keys, and whether they count.
+    fn note_contacts(&mut self, keys: impl Iterator<Item = ([u64; 2], bool)>) {
         (self.contacts.keys, self.contacts.counted) = keys.unzip();
         let rows = self.contacts.keys.len();
         self.layout.0.truncate(1);
@@ -220,12 +224,17 @@ impl Dynamics<'_> {
             return;
         }
         let place: HashMap<[u64; 2], usize> = records.keys.iter().copied().zip(0..).collect();
-        self.forces.assign_rows(&self.domain.ids, &|key| place.contains_key(&sorted(key)));
-        self.note_contacts();
+        let mut records_of_rows: Vec<usize> = Vec::with_capacity(records.keys.len());
+        let keys = self.forces.assign_rows(&self.domain.ids, &mut |key| {
+            let found = place.get(&sorted(key));
+            records_of_rows.extend(found);
+            found.is_some()
+        });
+        self.note_contacts(keys.into_iter());
         let width = records.width();
         for (k, vector) in vectors.iter_mut().enumerate() {
-            for &key in &self.contacts.keys {
-                let start = place[&sorted(key)] * width + k * MEMORY;
+            for (&key, record) in self.contacts.keys.iter().zip(&records_of_rows) {
+                let start = record * width + k * MEMORY;
                 let memory = &records.numbers[start..start + MEMORY];
                 vector.extend(memory.iter().map(|number| sign(key) * number));
             }

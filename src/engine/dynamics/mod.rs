@@ -116,6 +116,8 @@ struct Motion {
     accepted: Extremes,
     /// Extremes of the result of the last trial.
     candidate: Extremes,
+    /// Whether trials are those of frames, after which no step is accepted.
+    of_frame: bool,
 }
 
 /// Power that contacts dissipate.
@@ -310,6 +312,11 @@ impl<'c> Dynamics<'c> {
     /// Extremes of the result of the last trial.
     pub fn candidate(&self) -> Extremes {
         self.motion.candidate
+    }
+
+    /// Tells whether the next trials are those of frames. They leave what the last step has found as it is.
+    pub fn set_of_frame(&mut self, of_frame: bool) {
+        self.motion.of_frame = of_frame;
     }
 
     /// Stores the extremes of a newly accepted state.

@@ -277,7 +277,9 @@ impl Ivp for Dynamics<'_> {
         // The last stage of every method is at the end of the step, so close to its result that the bodies of
         // that stage tell which impacts come next.
         let approach = self.fastest_approach(1.0 / self.motion.largest_next);
-        self.forces.find_contacts();
+        if !self.motion.of_frame {
+            self.forces.find_contacts();
+        }
         let interrupts = self.requests.interrupts;
         let request = interrupts.map_or(StopRequest::Nothing, |interrupts| interrupts()).weight();
         let mut shared = [errors.largest, moved[0], moved[1], speed.sqrt(), drift.sqrt(), request, approach];

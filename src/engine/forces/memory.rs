@@ -31,9 +31,8 @@ pub const FIRST_WALL: u64 = 1 << 52;
 pub struct Found {
     /// Whether other contacts have rows than before.
     changed: bool,
-    /// The new rows of listed pairs and of listed walls.
-    pair_rows: Vec<u32>,
-    wall_rows: Vec<u32>,
+    /// The place of every new row: index of the listed pair, or number of listed pairs plus that of the wall.
+    places: Vec<u32>,
     /// The old row of every new one; [`NO_ROW`] for a new contact.
     sources: Vec<u32>,
     /// Rates of the memories of new contacts, in the order of their rows, 1/s.
@@ -47,6 +46,8 @@ pub struct Turnover {
     pub sources: Vec<u32>,
     /// Rates of the memories of new contacts, in the order of their rows, 1/s.
     pub first_rates: Vec<[f64; MEMORY]>,
+    /// Their keys, and whether they are counted here; see `Forces::assign_rows`.
+    pub first_keys: Vec<([u64; 2], bool)>,
 }
 
 /// Items that belong to the rows of blocks. They are cut by blocks.
@@ -65,28 +66,29 @@ impl<C: Cut> Cut for ByRows<'_, C> {
     }
 }
 
-/// The listed contacts of a block whose gap is at most `gap` (m), in the order of rows: `take(place, first
-/// slot, partner)`. The place counts pairs, then walls.
-fn each_within(
-    (block, local): (&Block, &BlockBodies),
-    walls: &[Wall],
+/// Near contacts of a block in the order of rows: whether each is within reach, its row, and its place.
+fn near_contacts<'a>(
+    (block, local): (&'a Block, &'a BlockBodies),
+    walls: &'a [Wall],
     [r, gap]: [f64; 2],
-    take: &mut dyn FnMut(usize, bool),
-) {
+) -> impl Iterator<Item = (bool, u32, u32)> + 'a {
     let x = |slot: u32| position(local.body(slot as usize));
     let reach = 2.0 * r + gap;
-    for (place, &[i, j]) in block.pairs.iter().enumerate() {
+    let pairs = block.near.iter().zip(&block.near_rows).zip(&block.near_places);
+    let pairs = pairs.map(move |((&[i, j], &row), &place)| {
         // A distance that is NaN must not count as far.
         let far = (x(i) - x(j)).norm_squared() > reach * reach;
-        take(place, !far);
-    }
-    for (place, &[i, wall]) in (block.pairs.len()..).zip(&block.walls) {
+        (!far, row, place)
+    });
+    let of_walls = block.near_walls.iter().zip(&block.near_wall_rows).zip(&block.near_wall_places);
+    let of_walls = of_walls.map(move |((&[i, wall], &row), &place)| {
         let far = walls[wall as usize].depth(&x(i)) - r > gap;
-        take(place, !far);
-    }
+        (!far, row, block.pairs.len() as u32 + place)
+    });
+    pairs.chain(of_walls)
 }
 
-/// Rate of the memory of a new contact, in place `place` of `each_within`.
+/// Rate of the memory of a new contact, in place `place`; see `Found::places`.
 fn first_rate(
     kernel: &dyn Kernel,
     (block, local): (&Block, &BlockBodies),
@@ -106,33 +108,6 @@ fn first_rate(
     let (a, wall) = (body(i), &walls[wall as usize]);
     let gap = wall.depth(&position(a)) - r;
     kernel.first_rate(Partner::Wall, gap, &-wall.normal, &velocity(a), &spin(a))
-}
-
-/// Whether other near contacts are within reach than those that have rows.
-fn has_changed(
-    (block, local): (&Block, &BlockBodies),
-    walls: &[Wall],
-    [r, gap]: [f64; 2],
-    rows: usize,
-) -> bool {
-    if block.pair_rows.len() != block.pairs.len() || block.wall_rows.len() != block.walls.len() {
-        return true;
-    }
-    let x = |slot: u32| position(local.body(slot as usize));
-    let reach = 2.0 * r + gap;
-    let (mut kept, mut changed) = (0, false);
-    for (&[i, j], &row) in block.near.iter().zip(&block.near_rows) {
-        let within = (x(i) - x(j)).norm_squared() <= reach * reach;
-        changed |= within != (row != NO_ROW);
-        kept += usize::from(row != NO_ROW);
-    }
-    for (&[i, wall], &row) in block.near_walls.iter().zip(&block.near_wall_rows) {
-        let within = walls[wall as usize].depth(&x(i)) - r <= gap;
-        changed |= within != (row != NO_ROW);
-        kept += usize::from(row != NO_ROW);
-    }
-    // A contact with a row that is no longer near is beyond reach.
-    changed || kept != rows
 }
 
 impl Forces {
@@ -187,27 +162,26 @@ impl Forces {
         let work = |((blocks, block_bodies), rows): (BlockParts, ByRows<()>), ()| {
             let (block, local) = (&blocks[0], &mut block_bodies[0]);
             let mut found = std::mem::take(&mut local.found);
-            found.changed = has_changed((block, local), walls, reach, rows.bounds[1] - rows.bounds[0]);
+            let (mut kept, mut changed) = (0, false);
+            for (within, row, _) in near_contacts((block, local), walls, reach) {
+                changed |= within != (row != NO_ROW);
+                kept += usize::from(row != NO_ROW);
+            }
+            // A contact with a row that is no longer near is beyond reach.
+            found.changed = changed || kept != rows.bounds[1] - rows.bounds[0];
             if found.changed {
-                found.pair_rows.clear();
-                found.wall_rows.clear();
+                found.places.clear();
                 found.sources.clear();
                 found.first_rates.clear();
-                each_within((block, local), walls, reach, &mut |place, within| {
-                    let next = if within { found.sources.len() as u32 } else { NO_ROW };
-                    let (old, new) = match place.checked_sub(block.pairs.len()) {
-                        None => (block.pair_rows.get(place), &mut found.pair_rows),
-                        Some(wall) => (block.wall_rows.get(wall), &mut found.wall_rows),
-                    };
-                    new.push(next);
-                    if within {
-                        let old = old.copied().unwrap_or(NO_ROW);
-                        found.sources.push(old);
-                        if old == NO_ROW {
-                            found.first_rates.push(first_rate(kernel, (block, local), walls, place));
-                        }
+                for (_, row, place) in
+                    near_contacts((block, local), walls, reach).filter(|(within, ..)| *within)
+                {
+                    found.places.push(place);
+                    found.sources.push(row);
+                    if row == NO_ROW {
+                        found.first_rates.push(first_rate(kernel, (block, local), walls, place as usize));
                     }
-                });
+                }
             }
             local.found = found;
         };
@@ -216,25 +190,35 @@ impl Forces {
         each_block(bounds, (own, rows), (), &work, &|(), ()| ());
     }
 
-    /// Gives rows to the contacts that `find_contacts` found, if these are others than before.
-    pub fn take_contacts(&mut self) -> Option<Turnover> {
+    /// Gives rows to the contacts that `find_contacts` found, if these are others than before. `ids` are those
+    /// of the bodies by local index.
+    pub fn take_contacts(&mut self, ids: &[u64]) -> Option<Turnover> {
         if !self.block_bodies.iter().any(|local| local.found.changed) {
             return None;
         }
         let mut turnover = Turnover::default();
-        let law = self.kernel.law();
         let old = self.row_bounds.clone();
         self.row_bounds.truncate(1);
         for ((block, local), bounds) in
             self.lists.blocks.iter_mut().zip(&mut self.block_bodies).zip(old.windows(2))
         {
-            if std::mem::take(&mut local.found.changed) {
-                std::mem::swap(&mut block.pair_rows, &mut local.found.pair_rows);
-                std::mem::swap(&mut block.wall_rows, &mut local.found.wall_rows);
+            let found = &mut local.found;
+            if std::mem::take(&mut found.changed) {
+                block.forget_rows(true);
+                for ((row, &place), &source) in (0..).zip(&found.places).zip(&found.sources) {
+                    let place = place as usize;
+                    match place.checked_sub(block.pairs.len()) {
+                        None => block.pair_rows[place] = row,
+                        Some(wall) => block.wall_rows[wall] = row,
+                    }
+                    if source == NO_ROW {
+                        turnover.first_keys.push(block.key(ids, place));
+                    }
+                }
+                block.look_up_rows();
                 let moved = |&row: &u32| if row == NO_ROW { row } else { row + bounds[0] as u32 };
-                turnover.sources.extend(local.found.sources.iter().map(moved));
-                turnover.first_rates.append(&mut local.found.first_rates);
-                local.pick_near(block, &law, &self.parameters.walls);
+                turnover.sources.extend(found.sources.iter().map(moved));
+                turnover.first_rates.append(&mut found.first_rates);
             } else {
                 turnover.sources.extend(bounds[0] as u32..bounds[1] as u32);
             }
@@ -243,49 +227,57 @@ impl Forces {
         Some(turnover)
     }
 
-    /// Gives a row to every listed contact whose key has one: `row_of(key)` says whether it does. A key holds
-    /// the ids, by local index, of the first and the second body; a wall counts from [`FIRST_WALL`] on.
-    pub fn assign_rows(&mut self, ids: &[u64], has_row: &dyn Fn([u64; 2]) -> bool) {
-        let law = self.kernel.law();
+    /// Gives a row to every listed contact for whose key `has_row` holds. Returns the keys of all rows, in
+    /// order, and whether each is counted here: over all ranks every contact counts once.
+    ///
+    /// A key holds the ids of the first and the second body; a wall counts from [`FIRST_WALL`] on. `ids` are
+    /// those of the bodies by local index.
+    pub fn assign_rows(
+        &mut self,
+        ids: &[u64],
+        has_row: &mut dyn FnMut([u64; 2]) -> bool,
+    ) -> Vec<([u64; 2], bool)> {
+        let mut keys = Vec::new();
         self.row_bounds.truncate(1);
-        let mut rows = 0;
         for (block, local) in self.lists.blocks.iter_mut().zip(&mut self.block_bodies) {
+            block.forget_rows(true);
             let mut next = 0;
-            let mut row = |key: [u64; 2]| {
-                let found = has_row(key);
-                next += u32::from(found);
-                if found { next - 1 } else { NO_ROW }
-            };
-            let pair_rows: Vec<u32> = block.pair_keys(ids).map(&mut row).collect();
-            let wall_rows: Vec<u32> = block.wall_keys(ids).map(&mut row).collect();
-            (block.pair_rows, block.wall_rows) = (pair_rows, wall_rows);
+            for place in 0..block.pairs.len() + block.walls.len() {
+                let key = block.key(ids, place);
+                if has_row(key.0) {
+                    match place.checked_sub(block.pairs.len()) {
+                        None => block.pair_rows[place] = next,
+                        Some(wall) => block.wall_rows[wall] = next,
+                    }
+                    keys.push(key);
+                    next += 1;
+                }
+            }
             local.found.changed = false;
-            rows += next as usize;
-            self.row_bounds.push(rows);
-            local.pick_near(block, &law, &self.parameters.walls);
+            block.look_up_rows();
+            self.row_bounds.push(keys.len());
         }
-    }
-
-    /// Keys of all rows, in order, and whether each is counted here: over all ranks every contact counts
-    /// once.
-    pub fn contact_keys<'a>(&'a self, ids: &'a [u64]) -> impl Iterator<Item = ([u64; 2], bool)> + 'a {
-        self.lists.blocks.iter().flat_map(move |block| {
-            let counted = block.pairs.iter().map(|pair| block.owns(pair[0]));
-            let pairs = block.pair_keys(ids).zip(counted).zip(&block.pair_rows);
-            let walls = block.wall_keys(ids).map(|key| (key, true)).zip(&block.wall_rows);
-            pairs.chain(walls).filter(|(_, row)| **row != NO_ROW).map(|(contact, _)| contact)
-        })
+        keys
     }
 }
 
 impl Block {
-    /// Ids of the listed pairs, the first body of each first.
-    fn pair_keys<'a>(&'a self, ids: &'a [u64]) -> impl Iterator<Item = [u64; 2]> + 'a {
-        self.pairs.iter().map(|pair| pair.map(|slot| ids[self.index(slot)]))
+    /// From now on no contact has a row.
+    pub(super) fn forget_rows(&mut self, remembers: bool) {
+        self.remembers = remembers;
+        let (pairs, walls) = if remembers { (self.pairs.len(), self.walls.len()) } else { (0, 0) };
+        self.pair_rows.clear();
+        self.pair_rows.resize(pairs, NO_ROW);
+        self.wall_rows.clear();
+        self.wall_rows.resize(walls, NO_ROW);
     }
 
-    /// Id of the particle, and number of the wall from [`FIRST_WALL`] on, of the listed walls.
-    fn wall_keys<'a>(&'a self, ids: &'a [u64]) -> impl Iterator<Item = [u64; 2]> + 'a {
-        self.walls.iter().map(|&[slot, wall]| [ids[self.index(slot)], FIRST_WALL + u64::from(wall)])
+    /// The key of the contact in a place, see `Found::places`, and whether it is counted here.
+    fn key(&self, ids: &[u64], place: usize) -> ([u64; 2], bool) {
+        if let Some(&pair) = self.pairs.get(place) {
+            return (pair.map(|slot| ids[self.index(slot)]), self.owns(pair[0]));
+        }
+        let [slot, wall] = self.walls[place - self.pairs.len()];
+        ([ids[self.index(slot)], FIRST_WALL + u64::from(wall)], true)
     }
 }

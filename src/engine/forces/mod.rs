@@ -195,8 +195,7 @@ impl Forces {
         self.row_bounds.clear();
         self.row_bounds.resize(blocks + 1, 0);
         for block in &mut lists.blocks {
-            block.pair_rows.clear();
-            block.wall_rows.clear();
+            block.forget_rows(self.kernel.memory() > 0);
         }
         let source = |i: usize| match i.checked_sub(*owned) {
             None => lists.outbox_slot(i),

@@ -126,7 +126,9 @@ impl Simulation<'_> {
             return Some((state, dissipated));
         }
         let step = (std::mem::take(&mut self.trial.next), self.trial.dissipated);
+        self.dynamics.set_of_frame(true);
         let outcome = self.attempt(share * h);
+        self.dynamics.set_of_frame(false);
         let (state, dissipated) = (std::mem::replace(&mut self.trial.next, step.0), self.trial.dissipated);
         // The trial of the frame has overwritten the slope at the end of the step.
         (self.trial.dissipated, self.trial.slope_known) = (step.1, false);
