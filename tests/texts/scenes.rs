@@ -5,6 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use demhybrid::error::Error;
+use demhybrid::model::effects::FrictionLaw;
 use demhybrid::scene::Scene;
 use demhybrid::scene::initial_condition::{self, InitialCondition};
 
@@ -207,6 +208,15 @@ fn the_settling_scenes_hold_the_parameters_of_table_4_2() {
     for name in ["configs/settle.toml", "configs/bed.toml"] {
         let (mut bed, same_start) = variant(name);
         let default = demhybrid::scene::Solver { tolerance: Some(0.1), ..Default::default() };
+        let remembers = bed.friction.as_ref().unwrap().law == FrictionLaw::History;
+        assert_eq!(remembers, name == "configs/bed.toml");
+        if remembers {
+            // The tangent of the same angle: 2 phi/(1 + e^2).
+            assert_eq!(bed.friction.as_ref().unwrap().coefficient, 0.345);
+            assert_eq!(bed.solver.norm.name(), "mean");
+            bed.solver.norm = default.norm;
+            bed.friction.clone_from(&scene.friction);
+        }
         assert!(same_start == start && bed.solver == default, "{name}");
         bed.solver.clone_from(&scene.solver);
         bed.output.file.clone_from(&scene.output.file);
