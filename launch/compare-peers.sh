@@ -141,5 +141,5 @@ for count in $falls; do
     prepare "$work/start.vtkhdf" "${options[@]}" --set t_end=1e-6
     bed csv "$work/start.vtkhdf" "$work/start.csv" --frame 0
     bed lammps "$work/start.csv" "$work/data" --size "$lx" "$ly"
-    race settle "$count" "8 s from the grid of configs/bed.toml"
+    race settle "$count" "8 s from the grid of configs/settle.toml"
 done

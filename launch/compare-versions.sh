@@ -97,8 +97,8 @@ race() {
 
 race_all() {
     echo "user time, before and now, load $(load)"
-    race "bed" 1 1 "$project/configs/bed.toml"
-    race "bed, output.energy" 1 1 "$project/configs/bed.toml" --set output.energy=true
+    race "settle" 1 1 "$project/configs/settle.toml"
+    race "settle, output.energy" 1 1 "$project/configs/settle.toml" --set output.energy=true
     race "paper/settle to 1 s" 1 1 "$project/configs/paper/settle.toml" --set t_end=1.0
     for count in ${SIZES-2000 20000}; do
         settled "$count"

@@ -125,10 +125,10 @@ wide() {
 
 accuracy() {
     say "what accuracy costs: statistics of the bed, paired with the published solver on ten starts"
-    demhybrid accuracy "$configs/bed.toml" --studies ensemble --methods auto --tolerances 1e-1,1e-2 --seeds 10 --until 2 \
+    demhybrid accuracy "$configs/settle.toml" --studies ensemble --methods auto --tolerances 1e-1,1e-2 --seeds 10 --until 2 \
         --paper -q
     say "and positions at t = 0.6 s"
-    demhybrid accuracy "$configs/bed.toml" --studies state --time 0.6 --seeds 5 --force -q
+    demhybrid accuracy "$configs/settle.toml" --studies state --time 0.6 --seeds 5 --force -q
 }
 
 all=(restart alone packing exports browser documents fuzz hard speed wide accuracy)

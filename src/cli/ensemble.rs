@@ -155,7 +155,7 @@ fn warn(cases: &[Case], comm: &dyn Comm) {
 const AFTER_HELP: &str = "\
 Examples:
   demhybrid ensemble configs/bed.toml --seeds 10
-  demhybrid ensemble configs/bed.toml --seeds 10 --vary friction.coefficient=0.05,0.1,0.2 \
+  demhybrid ensemble configs/bed.toml --seeds 10 --vary friction.coefficient=0.1,0.2,0.345 \
     --vary contact.restitution=0.4,0.8
   mpirun -n 4 demhybrid ensemble configs/bed.toml --seeds 11-50 --threads 1
   demhybrid ensemble --gather bed-*.vtkhdf

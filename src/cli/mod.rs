@@ -135,7 +135,7 @@ Examples:
   mpirun -n 4 demhybrid configs/settle.toml --threads 2 --force
   mpirun -n 2 demhybrid --resume settle.vtkhdf
   demhybrid accuracy configs/quick.toml
-  demhybrid ensemble configs/bed.toml --seeds 10 --vary friction.coefficient=0.1,0.2
+  demhybrid ensemble configs/bed.toml --seeds 10 --vary friction.coefficient=0.2,0.345
   demhybrid init my.toml
   demhybrid analyze settle.vtkhdf
   demhybrid export settle.vtkhdf --to csv -o bed.csv

@@ -113,9 +113,9 @@ fn eight_starts_settle_to_random_close_packing_on_average() {
 
 #[test]
 fn the_bed_of_the_defaults_takes_few_right_hand_sides() {
-    let run = Case::config("bed.toml").run();
+    let run = Case::config("settle.toml").run();
     let rhs = run.outcome.counts.rhs;
-    println!("bed.toml: {rhs} right-hand sides, {}", run.outcome.choice);
+    println!("settle.toml: {rhs} right-hand sides, {}", run.outcome.choice);
     assert!(rhs <= 60_000, "{rhs}");
     check_frames(&run);
 }
@@ -128,7 +128,7 @@ fn positions_at_0_6_s_cost_no_more_than_was_asked() {
         let (mut errors, mut counts) = (Vec::new(), Vec::new());
         for seed in 1..=5u64 {
             let case = |method: &str, tolerance: f64| {
-                let case = Case::config("bed.toml").set("t_end", 0.6).set("output.interval", 0.6);
+                let case = Case::config("settle.toml").set("t_end", 0.6).set("output.interval", 0.6);
                 case.set("particles.grid.seed", seed)
                     .set("solver.method", method)
                     .set("solver.tolerance", tolerance)

@@ -58,10 +58,10 @@ const EXCEPTIONS: &[(&str, Fate)] = &[
     ("launch/weak-scaling.sh", Left("settles 20 000 spheres, which takes minutes")),
     ("QUICK=1 launch/compare-peers.sh", Left("needs LAMMPS and LIGGGHTS, and takes long")),
     ("demhybrid accuracy configs/quick.toml", Long),
-    ("demhybrid accuracy configs/bed.toml", Long),
+    ("demhybrid accuracy configs/settle.toml", Long),
     ("demhybrid accuracy bed.toml", Long),
-    ("mpirun -n 2 demhybrid accuracy configs/bed.toml", Long),
-    // The limit of 0.8 s; a machine that is fast enough is done before.
+    ("mpirun -n 2 demhybrid accuracy configs/settle.toml", Long),
+    // The limit of 0.4 s; a machine that is fast enough is done before.
     ("demhybrid configs/bed.toml -o long.vtkhdf", Leaves(&[5, 0])),
 ];
 

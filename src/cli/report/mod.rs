@@ -26,7 +26,11 @@ pub use warnings::{doubts, forewarnings, overlap_warning};
 /// Describes what bounds the steps.
 fn step_control(scene: &Scene) -> String {
     let solver = &scene.solver;
-    let norm = if solver.norm == NormName::Paper { "the paper's" } else { "the scaled" };
+    let norm = match solver.norm {
+        NormName::Paper => "the paper's",
+        NormName::Scaled => "the scaled",
+        NormName::Mean => "the mean",
+    };
     match (solver.step, solver.tolerance) {
         (Some(step), _) => format!("fixed step {} s", short(step)),
         (None, Some(tolerance)) => {

@@ -101,8 +101,10 @@ pub fn gravity(scene: &Scene) -> f64 {
 /// A copy of `scene` that uses `solver`.
 pub fn with_solver(scene: &Scene, solver: &Solver) -> Scene {
     let mut scene = scene.clone();
+    // The scene's norm, unless that is the published rate, which methods other than Merson's are not made for.
+    let own = if scene.solver.norm == NormName::Paper { NormName::Scaled } else { scene.solver.norm };
     (scene.solver.method, scene.solver.norm) = match solver.method {
-        Stepper::Method(method) => (method, NormName::Scaled),
+        Stepper::Method(method) => (method, own),
         Stepper::Published => (MethodName::Merson, NormName::Paper),
     };
     (scene.solver.tolerance, scene.solver.step) = (solver.tolerance, solver.step);
