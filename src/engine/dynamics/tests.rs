@@ -1,14 +1,16 @@
 //! The right-hand side does not depend on which rank owns which particle, and slabs are cut by work.
 
 use super::*;
+use crate::domain::Solo;
 use crate::domain::comm::team::team;
 use crate::domain::rows;
 use crate::domain::slabs::imbalance;
 use crate::engine::kernel;
 use crate::model::columns::{Column, position, spin};
 use crate::model::effects::{Effects, Variant};
+use crate::model::history::MemoryParameters;
 use crate::model::wall::Wall;
-use crate::ode::{Ivp, Stage, no_vectors};
+use crate::ode::{DORMAND_PRINCE, Ivp, Method, Norm, RungeKutta, Stage, TrialStep, no_vectors};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -331,5 +333,74 @@ fn columns_that_do_not_change_follow_particles_and_their_ghosts() {
             assert_eq!(dynamics.domain.constants, tags(&dynamics.domain.ids));
             assert_eq!(dynamics.constants(), tags(dynamics.ids()));
         });
+    }
+}
+
+/// Two spheres that remember, without walls and weight, at these states.
+fn remembering_pair(states: [Body; 2]) -> (Dynamics<'static>, StepStart) {
+    let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.5 };
+    let law = LawParameters { memory: Some(memory), ..LAW };
+    let kernel = move |set| kernel::kernel(ALL_EFFECTS, law, set);
+    let parameters =
+        BodyParameters { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::zeros(), walls: Vec::new() };
+    let mut y: Vec<f64> = states.as_flattened().to_vec();
+    let particles =
+        Particles { ids: vec![0, 1], columns: Columns::new(true), constants: Vec::new(), y: &mut y };
+    let mut dynamics = Dynamics::new(&Solo, &kernel, parameters, 1.0, particles, &mut []).unwrap();
+    dynamics.remember_within(0.05);
+    dynamics.start_contacts(&mut y);
+    (dynamics, StepStart::new(0.0, y))
+}
+
+/// A sphere at `x` (m) along the x axis.
+fn at(x: f64) -> Body {
+    body(Vec3::x() * x, Vec3::zeros(), Vec3::zeros())
+}
+
+/// Acceleration along y of particle 0 at the start of the step, m/s^2.
+fn sideways(dynamics: &mut Dynamics, step_start: &mut StepStart) -> f64 {
+    step_start.slope_known = false;
+    dynamics.begin();
+    step_start.find_slope(dynamics);
+    let first = dynamics.ids().iter().position(|&id| id == 0).unwrap();
+    step_start.slope[9 * first + 4]
+}
+
+#[test]
+fn a_memory_keeps_its_direction_where_new_lists_turn_the_pair_round() {
+    // Cells are 0.36 m wide: at first particle 0 is in the lower cell, then in the higher one.
+    let (mut dynamics, mut start) = remembering_pair([at(0.3), at(0.45)]);
+    assert_eq!(dynamics.contacts.keys, [[0, 1]]);
+    start.y[18..].copy_from_slice(&[0.0, 0.3, 0.0]);
+    let before = sideways(&mut dynamics, &mut start);
+    // Elastic friction is -L_0 s p over the mass.
+    let s = (0.5f64 * 150.0 * 0.05).exp();
+    assert!((before / (-0.2 * 0.58 * 10.0 * s * 0.3 / 2.5) - 1.0).abs() < 1e-12, "{before}");
+    (start.y[0], start.y[9]) = (0.85, 0.7);
+    dynamics.rebuild(&mut start).unwrap();
+    assert_eq!(dynamics.contacts.keys, [[1, 0]]);
+    let after = sideways(&mut dynamics, &mut start);
+    assert!((after / before - 1.0).abs() < 1e-12, "{before} {after}");
+}
+
+#[test]
+fn a_new_contact_begins_with_its_own_rate() {
+    // They close with 2 m/s and slip; at first they are out of reach.
+    let fast = |x: f64, v: f64| body(Vec3::x() * x, Vec3::new(v, v, 0.0), Vec3::new(0.0, 0.0, 0.3));
+    let (mut dynamics, mut start) = remembering_pair([fast(0.0, 1.0), fast(0.252, -1.0)]);
+    assert_eq!(start.y.len(), 18);
+    let norm = Norm { weights: vec![vec![1.0; 9], vec![1.0; 3]], rate: false, mean: None };
+    let (mut trial, mut method) = (TrialStep::default(), RungeKutta::new(&DORMAND_PRINCE));
+    method.attempt(&mut dynamics, &mut start, 2e-3, &norm, &mut trial);
+    std::mem::swap(&mut start.y, &mut trial.next);
+    std::mem::swap(&mut start.slope, &mut trial.slope);
+    dynamics.follow_contacts(&mut start);
+    assert_eq!((start.y.len(), start.slope.len()), (21, 21));
+    assert_eq!(start.y[18..], [0.0; 3]);
+    let kept = start.slope[18..].to_vec();
+    sideways(&mut dynamics, &mut start);
+    assert!(kept[1].abs() > 1.0);
+    for (kept, found) in kept.iter().zip(&start.slope[18..]) {
+        assert!((kept - found).abs() <= 1e-12 * kept.abs(), "{kept} {found}");
     }
 }
