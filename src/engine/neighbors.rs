@@ -174,8 +174,8 @@ pub struct Block {
     pub near_walls: Vec<[u32; 2]>,
     /// Whether contacts have a memory.
     pub remembers: bool,
-    /// The rows of the memories of `pairs`, in order. Empty where contacts have no memory, and so are all of the
-    /// following.
+    /// The rows of the memories of `pairs`, in order. Empty where contacts have no memory, and so are all of
+    /// the following.
     pub pair_rows: Vec<u32>,
     /// Those of `near`.
     pub near_rows: Vec<u32>,

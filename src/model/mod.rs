@@ -1,4 +1,5 @@
-//! What is simulated, as pure functions: the contact law, friction with memory, walls, effects, and the state of a particle.
+//! What is simulated, as pure functions: the contact law, friction with memory, walls, effects, and the state
+//! of a particle.
 
 pub mod columns;
 pub mod contact;

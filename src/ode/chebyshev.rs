@@ -17,8 +17,8 @@ use super::{
 pub const DAMPING: f64 = 2.0 / 13.0;
 
 /// Damping of long steps of problems that oscillate. The region is wider, so that it holds oscillations up to
-/// |h lambda| = 4.9 at 60 degrees from the negative axis and 3.2 at 75, in place of 3.2 and 2.4. Its length is
-/// about half.
+/// |h lambda| = 4.9 at 60 degrees from the negative axis and 3.2 at 75, in place of 3.2 and 2.4. Its length
+/// is about half.
 pub const STRONG_DAMPING: f64 = 10.0;
 
 /// The stable interval with `STRONG_DAMPING` is at least this times s^2 - 1.

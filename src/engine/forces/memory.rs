@@ -190,8 +190,8 @@ impl Forces {
         each_block(bounds, (own, rows), (), &work, &|(), ()| ());
     }
 
-    /// Gives rows to the contacts that `find_contacts` found, if these are others than before. `ids` are those
-    /// of the bodies by local index.
+    /// Gives rows to the contacts that `find_contacts` found, if these are others than before. `ids` are
+    /// those of the bodies by local index.
     pub fn take_contacts(&mut self, ids: &[u64]) -> Option<Turnover> {
         if !self.block_bodies.iter().any(|local| local.found.changed) {
             return None;

@@ -3,8 +3,8 @@
 //! The effects of a scene are types here, and only here: rebound, friction, and whether spheres rotate. One
 //! [`Kernel`] has all of them compiled in; whoever calls it sees rows of numbers.
 //!
-//! There are six kernels: with or without loss on rebound, times no friction, friction, or friction with
-//! rotation. Each is compiled for three instruction sets.
+//! There are ten kernels: with or without loss on rebound, times no friction, the paper's friction or the one
+//! that remembers, each of the two with or without rotation. Each is compiled for three instruction sets.
 //!
 //! Contacts are gathered into columns. One loop evaluates them, which the compiler turns into vector
 //! instructions. The results are added to the particles one after the other.

@@ -24,8 +24,8 @@ pub struct Layout {
     pub header: u64,
     /// Number of particles.
     pub count: u64,
-    /// Numbers in one row of the tables state, constant columns, origin, slope, direction and contacts; 0 if a
-    /// table is missing.
+    /// Numbers in one row of the tables state, constant columns, origin, slope, direction and contacts; 0 if
+    /// a table is missing.
     pub widths: [u64; 6],
     /// Number of parts. A part is a block of rows with one checksum.
     pub parts: u64,
