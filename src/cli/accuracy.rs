@@ -165,8 +165,7 @@ const AFTER_HELP: &str = "\
 Examples:
   demhybrid accuracy configs/quick.toml
   demhybrid accuracy configs/bounce.toml --studies impact --sweep contact.stiffness_exponent=30,150,500
-  mpirun -n 4 demhybrid accuracy configs/settle.toml --threads 1 --studies ensemble --seeds 10 --until 2 \\
-    --paper
+  mpirun -n 4 demhybrid accuracy configs/settle.toml --threads 1 --studies ensemble --seeds 10 --until 2 --paper
 
 A run that fails, or takes more right-hand sides than a run may, is shown as failed; it ends nothing.";
 
