@@ -245,9 +245,10 @@ impl History {
         let held = at_most(1.0, s * inverse_p);
         let strength = -self.limit * (s * w);
         let friction = scaled(strength, &add_scaled::<A>(held, &p, &drag));
-        // Beyond the limit, where no exact solution is, the wear goes on with the same slope.
+        // Beyond the limit, where no exact solution is, the wear goes on with the same slope, up to 2: where
+        // surfaces part, s falls below what the error of a step leaves in p, and rates must not grow with it.
         let above = at_least(0.0, A::add_product(2.0, q, -1.0));
-        let g = if q < 1.0 { above * above } else { A::add_product(4.0, q, -3.0) };
+        let g = if q < 1.0 { above * above } else { at_most(2.0, A::add_product(4.0, q, -3.0)) };
         let shear_rate = s * self.inverse_full_shear;
         let growth = A::add_product(shear_rate, dot::<A>(&slip, &p), self.half_kappa * opening * p2);
         let wear = g * at_least(0.0, growth) * (inverse_p * inverse_p);
@@ -405,14 +406,19 @@ mod tests {
     }
 
     #[test]
-    fn a_memory_beyond_its_limit_returns_to_it() {
-        let (n, slip) = (Vec3::z(), Vec3::x());
-        for size in [1.001, 2.0, 1e3] {
+    fn a_memory_beyond_its_limit_returns_to_it_at_a_bounded_rate() {
+        let n = Vec3::z();
+        for size in [1.001, 2.0, 1e3, 1e18] {
             let memory = size * Vec3::x();
-            let touch = Touch { gap: 0.0, n: &n, v_rel: &slip, spins: &Vec3::zeros(), memory: &memory };
-            let found = respond(Partner::Sphere, touch);
-            assert!(found.rate.x < 0.0, "{size}");
-            assert!(rubbing(&found, &n).norm() <= limit(0.0) * (1.0 + 1e-12));
+            for v_rel in [Vec3::x(), n] {
+                let touch = Touch { gap: 0.0, n: &n, v_rel: &v_rel, spins: &Vec3::zeros(), memory: &memory };
+                let found = respond(Partner::Wall, touch);
+                assert!(found.rate.x < 0.0, "{size}");
+                assert!(rubbing(&found, &n).norm() <= limit(0.0) * (1.0 + 1e-12));
+                // s falls at kappa v/2 where surfaces part, and shear grows at v/x_m.
+                let most = 0.5 * LAW.kappa * v_rel.z * size + v_rel.x / friction().full_shear();
+                assert!(-found.rate.x <= 2.0 * most, "{size}: {} 1/s", found.rate.x);
+            }
         }
     }
 }
