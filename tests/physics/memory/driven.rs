@@ -11,7 +11,8 @@ use demhybrid::math::vector::Vec3;
 use demhybrid::model::contact::{Dissipative, LawParameters};
 use demhybrid::model::history::{History, MemoryParameters, Partner, Response, Touch};
 
-const MEMORY: MemoryParameters = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0 };
+const MEMORY: MemoryParameters =
+    MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance: [0.0; 2] };
 const LAW: LawParameters = LawParameters {
     r: R,
     f_0: F_0,
