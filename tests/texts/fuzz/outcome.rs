@@ -184,6 +184,16 @@ struct Empty;
 /// One rank, which can agree with itself so many times: a run that would last for ever ends there.
 struct Fuel(Cell<u32>);
 
+impl Fuel {
+    fn burn(&self) {
+        match self.0.get().checked_sub(1) {
+            Some(left) => self.0.set(left),
+            // No panic: nothing is wrong.
+            None => resume_unwind(Box::new(Empty)),
+        }
+    }
+}
+
 impl Comm for Fuel {
     fn rank(&self) -> usize {
         0
@@ -193,14 +203,12 @@ impl Comm for Fuel {
     }
     fn max(&self, values: &mut [f64]) {
         assert!(values.iter().all(|value| !value.is_nan()), "maxima are not NaN");
-        match self.0.get().checked_sub(1) {
-            Some(left) => self.0.set(left),
-            // No panic: nothing is wrong.
-            None => resume_unwind(Box::new(Empty)),
-        }
+        self.burn();
     }
     fn sum(&self, _counts: &mut [u64]) {}
     fn all_gather(&self, own: &[f64], all: &mut [f64]) {
+        // Ranks agree on a step so where its error is a mean.
+        self.burn();
         Solo.all_gather(own, all);
     }
     fn transpose(&self, to: &[u64]) -> Vec<u64> {
