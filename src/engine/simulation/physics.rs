@@ -99,8 +99,14 @@ pub(super) fn auto_plan(scene: &Scene) -> AutoPlan {
 
 /// Factor by which `auto` tightens the tolerance where the motion is smooth.
 ///
-/// There two more digits cost about twice the work, and without damping errors grow.
+/// There two more digits cost about twice the work, and without damping errors grow. Where nothing is lost on
+/// rebound either, energy must not fade: two more digits cost a third more, and a sphere keeps its energy
+/// within 0.2 % over a thousand impacts, where it lost a tenth to a third.
 pub fn tightening(scene: &Scene) -> f64 {
-    let smooth = Effects::of(scene).variant == Variant::Basic;
-    if smooth && scene.solver.method == MethodName::Auto { 0.01 } else { 1.0 }
+    let Effects { variant, dissipative } = Effects::of(scene);
+    match (variant, scene.solver.method) {
+        (Variant::Basic, MethodName::Auto) if dissipative => 0.01,
+        (Variant::Basic, MethodName::Auto) => 1e-4,
+        _ => 1.0,
+    }
 }
