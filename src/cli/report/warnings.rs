@@ -2,7 +2,7 @@
 
 use super::monitor::Monitor;
 use crate::domain::Comm;
-use crate::engine::simulation::{FrameSummary, Outcome, tightening};
+use crate::engine::simulation::{FrameSummary, Outcome, friction_tolerance, tightening};
 use crate::math::digits::short;
 use crate::math::vector::Vec3;
 use crate::model::effects::FrictionLaw;
@@ -18,7 +18,7 @@ pub fn forewarnings(scene: &Scene, start: &InitialCondition) -> Vec<String> {
     warnings.extend(cut_force_warning(scene));
     warnings.extend(wall_barrier_warning(scene, start));
     warnings.extend(pair_barrier_warning(scene, start));
-    warnings.extend(loose_tolerance_warning(scene, start));
+    warnings.extend(loose_tolerance_warning(scene, start).or_else(|| shivering_warning(scene, start)));
     warnings
 }
 
@@ -217,6 +217,27 @@ fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -> Option<St
              {wrong}; only how far a particle may move in a step does, and contacts may create energy; the \
              default is 0.1",
             short(tolerance)
+        )
+    })
+}
+
+/// Warns if the tolerance of the scene is too loose for the brake of its friction.
+fn shivering_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
+    let tolerance = scene.solver.tolerance.filter(|_| scene.solver.step.is_none())?;
+    let v_min = scene.friction.as_ref()?.regularization_velocity?;
+    let scale = initial_condition::velocity_scale(scene, start);
+    let enough = friction_tolerance(scene, scale, start.x.len() as u64);
+    // Three digits, rounded down, so that the printed number is small enough.
+    let unit = 10f64.powf(enough.log10().floor() - 2.0);
+    (tolerance > enough).then(|| {
+        format!(
+            "warning: solver.tolerance = {} allows errors of {:.3e} m/s a step, {:.3e} times \
+             friction.regularization_velocity: what should creep may shiver, and slide or sink many times too \
+             fast; {} or less would do, or leave it out",
+            short(tolerance),
+            tolerance * scale,
+            tolerance * scale / v_min,
+            short((enough / unit).floor() * unit)
         )
     })
 }
