@@ -38,7 +38,8 @@ pub fn parameters(scene: &Scene) -> BodyParameters {
     }
 }
 
-/// How errors of `count` spheres are measured and step sizes chosen. Velocities are compared with `scale` (m/s).
+/// How errors of `count` spheres are measured and step sizes chosen. Velocities are compared with `scale`
+/// (m/s).
 pub(super) fn error_control(
     scene: &Scene,
     (scale, count): (f64, u64),

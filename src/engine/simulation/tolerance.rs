@@ -14,10 +14,12 @@ const LEAST: f64 = 1e-9;
 /// Largest tolerance at which spheres creep as the brake of eq. (2.8) says; infinite where nothing creeps.
 ///
 /// A step at the tolerance may be wrong by `tolerance * scale` in velocity, with the velocity `scale` in m/s.
-/// Where that is much more than v_min a long step throws a slip across the brake and the next one back: errors
-/// stay within the tolerance, but the surfaces shiver at many times v_min and slide. Gravity makes
-/// them slide, so without it nothing is asked. `count` is the number of spheres. The largest error of many is
-/// that of a few, so it may be larger; and the faster the brake is, the fewer errors a sphere averages over.
+/// Where that is much more than v_min, a long step throws a slip across the brake and the next one throws it
+/// back. Errors stay within the tolerance, but the surfaces shiver at many times v_min and slide. Gravity
+/// makes them slide, so without it nothing is asked.
+///
+/// `count` is the number of spheres. A step is judged by the largest error of all, and a typical
+/// sphere of many errs far less than the worst.
 pub fn friction_tolerance(scene: &Scene, scale: f64, count: u64) -> f64 {
     let heavy = scene.gravity != [0.0; 3];
     let braked = scene.friction.as_ref().filter(|f| f.law == FrictionLaw::Regularized && f.coefficient > 0.0);
@@ -30,8 +32,8 @@ pub fn friction_tolerance(scene: &Scene, scale: f64, count: u64) -> f64 {
     }
 }
 
-/// The tolerance of a run of `count` spheres: the scene's, or else 0.1 or what its friction needs, whichever is
-/// smaller. `scale` is the velocity scale, m/s.
+/// The tolerance of a run of `count` spheres: the scene's, or else 0.1 or what its friction needs, whichever
+/// is smaller. `scale` is the velocity scale, m/s.
 ///
 /// # Examples
 ///
