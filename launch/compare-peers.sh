@@ -5,6 +5,7 @@
 # throughput: N spheres lie in a settled bed of demhybrid's. Particle evaluations per second are N x right-hand sides
 #   (ours) or N x time steps (theirs) over the user time of the whole process, start to end.
 # settle: N spheres fall and come to rest, 8 s, from the same start. Ours writes a frame every 0.08 s, the others one.
+# "demhybrid" has friction that remembers, with the coefficient that the others have; "demhybrid paper" the paper's.
 # What each program computes is said in benches/peers/*.in. Every run goes to compare-peers-runs.csv, medians to
 # compare-peers.csv in the working folder; beds are kept in ./beds. A program that is not installed is left out.
 #   SIZES="2000 20000 200000"      particles at rest: 200, 2000 or a multiple of 20000 (empty: none)
@@ -33,6 +34,7 @@ liggghts="$(command -v "${LIGGGHTS:-liggghts}" || true)"
 [ -n "$lammps" ] || say "LAMMPS is missing and left out; on Debian: apt install lammps"
 [ -n "$liggghts" ] || say "LIGGGHTS is missing and left out; on Debian: apt install liggghts"
 
+remembers=(--set 'friction={law="history",coefficient=0.345}')
 core=()
 if command -v taskset >/dev/null; then
     core=(taskset -c "${CORE:-$(taskset -cp $$ | sed 's/.*[^0-9]//')}")
@@ -46,6 +48,9 @@ ours() {
     timed "$work/log" "${core[@]}" "$demhybrid" "$bed_toml" --threads 1 -q --force -o "$work/ours.vtkhdf" \
         "$@" "${ours[@]}"
     read -r evaluations _ < <(bed facts "$work/ours.vtkhdf")
+}
+resting_bed() {
+    ours "${options[@]}" --set "t_end=$seconds" --set "output.interval=$seconds" "$@"
 }
 lammps() { # DECK STEPS DT VARIABLES...
     evaluations="$2"
@@ -61,11 +66,13 @@ liggghts() { # STEPS DT VARIABLES...
 }
 run() {
     case "$1" in
-    "throughput: demhybrid") ours "${options[@]}" --set "t_end=$seconds" --set "output.interval=$seconds" ;;
+    "throughput: demhybrid") resting_bed "${remembers[@]}" ;;
+    "throughput: demhybrid paper") resting_bed ;;
     "throughput: LAMMPS buck") lammps lammps-buck.in "$steps" 2.5e-5 -var skin "$skin_buck" ;;
     "throughput: LAMMPS Hertz") lammps lammps-hertz.in "$steps" 1e-3 -var young 6e5 -var skin "$skin_hertz" ;;
     "throughput: LIGGGHTS Hertz") liggghts "$steps" 1e-3 -var young 6e5 -var skin "$skin_hertz" ;;
-    "settle: demhybrid") ours "${options[@]}" ;;
+    "settle: demhybrid") ours "${options[@]}" "${remembers[@]}" ;;
+    "settle: demhybrid paper") ours "${options[@]}" ;;
     "settle: LAMMPS Hertz soft") lammps lammps-hertz.in 8000 1e-3 -var young 6e5 -var skin "$skin_hertz" ;;
     "settle: LAMMPS Hertz stiff") lammps lammps-hertz.in 32000 2.5e-4 -var young 4e7 -var skin "$skin_hertz" ;;
     "settle: LIGGGHTS Hertz soft") liggghts 8000 1e-3 -var young 6e5 -var skin "$skin_hertz" ;;
@@ -74,7 +81,7 @@ run() {
 
 # Runs the programs of one part by turns, then prints and stores the medians: race PART PARTICLES REMARK
 race() {
-    local part="$1" count="$2" programs=("$1: demhybrid") name i rate first before users=() walls=() done=()
+    local part="$1" count="$2" programs=("$1: demhybrid" "$1: demhybrid paper") name i rate first before users=() walls=() done=()
     case "$part" in
     throughput)
         [ -z "$lammps" ] || programs+=("$part: LAMMPS buck" "$part: LAMMPS Hertz")

@@ -63,6 +63,7 @@ mod tests {
         assert_eq!(friction.stiffness_ratio.take(), Some(DEFAULT_STIFFNESS_RATIO));
         assert_eq!(friction.damping.take(), Some(DEFAULT_DAMPING));
         friction.regularization_velocity = None;
+        assert!(friction.rolling.take().is_some() && friction.twisting.take().is_some());
         assert_eq!(spelt_out, scene);
     }
 

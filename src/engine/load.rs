@@ -8,7 +8,6 @@ use crate::domain::{Comm, launch};
 use crate::error::Error;
 use crate::math::digits;
 use crate::model::columns::Column;
-use crate::model::history::MEMORY;
 use crate::scene::initial_condition::{self, InitialCondition};
 use crate::scene::{Scene, effects};
 use std::iter;
@@ -86,12 +85,10 @@ pub fn bytes_per_particle(scene: &Scene) -> u64 {
     // positions (24 bytes each) and an id.
     let states = (state_vectors(scene) + 1) as f64 * 8.0 * components + 3.0 * 24.0 + 8.0;
     let lists = 8.0 * (LISTED_PAIRS + NEAR_PAIRS);
-    if effects::law(scene).memory.is_none() {
-        return (states + lists) as u64;
-    }
+    let Some(memory) = effects::law(scene).memory else { return (states + lists) as u64 };
     // The rows of contacts in all vectors and at the stage, two ids and whether they count; the number of the
     // row of every listed and every near pair.
-    let rows = CONTACTS * ((state_vectors(scene) + 1) as f64 * 8.0 * MEMORY as f64 + 17.0);
+    let rows = CONTACTS * ((state_vectors(scene) + 1) as f64 * 8.0 * memory.numbers() as f64 + 17.0);
     (states + lists + rows + 0.5 * lists) as u64
 }
 

@@ -10,7 +10,9 @@ use crate::math::elementary::{
     Arithmetic, Separate, at_least, at_most, exp, exp_within, inverse, inverse_root,
 };
 use crate::math::vector::{Vec3, add_cross, add_scaled, cross, dot, scaled};
-use crate::model::history::{History, MemoryParameters, Partner, Response, Touch};
+use crate::model::dahl::Dahl;
+use crate::model::history::{History, MemoryParameters, Partner, Response, SHEAR, Touch};
+use crate::model::rolling::Resistance;
 
 /// Force and torque of a contact on particle i.
 ///
@@ -144,9 +146,15 @@ pub trait Tangential: Copy + Send + Sync + 'static {
         Response::none()
     }
 
-    /// Twice the energy that a memory of length 1 stores, J.
-    fn stiffness(&self) -> f64 {
-        0.0
+    /// Resistance to rolling and twisting, if contacts have any.
+    #[inline(always)]
+    fn resistance(&self) -> Option<&Resistance> {
+        None
+    }
+
+    /// The elements of a contact, with how many numbers each has in its memory, in their order.
+    fn elements(&self) -> Vec<(usize, Dahl)> {
+        Vec::new()
     }
 }
 
@@ -251,8 +259,53 @@ impl Tangential for History {
         self.action::<A, R>(law, rebound, partner, touch)
     }
 
-    fn stiffness(&self) -> f64 {
-        self.energy_scale()
+    fn elements(&self) -> Vec<(usize, Dahl)> {
+        vec![(SHEAR, *self.element())]
+    }
+}
+
+/// Friction with memory of spheres that also resist rolling or twisting.
+#[derive(Debug, Clone, Copy)]
+pub struct Resisting {
+    /// Friction.
+    pub friction: History,
+    /// Resistance to rolling and to twisting.
+    pub resistance: Resistance,
+}
+
+impl Tangential for Resisting {
+    const RUBS: bool = true;
+    const TURNS: bool = true;
+    const REMEMBERS: bool = true;
+
+    #[inline(always)]
+    fn friction<A: Arithmetic>(&self, repulsion: f64, slip: &Vec3) -> Vec3 {
+        self.friction.without_memory::<A>(repulsion, slip)
+    }
+
+    #[inline(always)]
+    fn respond<A: Arithmetic, R: Rebound>(
+        &self,
+        law: &LawParameters,
+        rebound: &R,
+        partner: Partner,
+        touch: Touch,
+    ) -> Response {
+        self.friction.action::<A, R>(law, rebound, partner, touch)
+    }
+
+    #[inline(always)]
+    fn resistance(&self) -> Option<&Resistance> {
+        Some(&self.resistance)
+    }
+
+    fn elements(&self) -> Vec<(usize, Dahl)> {
+        let Resistance { rolling, twisting, .. } = self.resistance;
+        let of = |numbers: usize| move |turned: crate::model::rolling::Turned| (numbers, turned.element);
+        let mut elements = self.friction.elements();
+        elements.extend(rolling.map(of(3)));
+        elements.extend(twisting.map(of(1)));
+        elements
     }
 }
 
@@ -277,8 +330,8 @@ impl<T: Tangential> Tangential for Turning<T> {
         self.0.respond::<A, R>(law, rebound, partner, touch)
     }
 
-    fn stiffness(&self) -> f64 {
-        self.0.stiffness()
+    fn elements(&self) -> Vec<(usize, Dahl)> {
+        self.0.elements()
     }
 }
 

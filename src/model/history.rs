@@ -1,7 +1,6 @@
 //! Friction with memory: every contact knows how far its surfaces have been sheared elastically.
 //!
-//! P. R. Dahl (1968) and C. Canudas de Wit et al., IEEE Trans. Autom. Control 40 (1995) 419, have the idea
-//! for one direction and a constant load. Here it is in three dimensions, on the repulsion of eq. (2.1).
+//! It is the element of [`crate::model::dahl`] in three dimensions.
 //!
 //! # State
 //!
@@ -42,18 +41,13 @@
 //!
 //! Neither term is negative while |p| is at most s. So the law never creates energy.
 
-use crate::math::elementary::{Arithmetic, at_least, at_most, exp, inverse, inverse_root};
+use crate::math::elementary::{Arithmetic, at_least, inverse, inverse_root};
 use crate::math::vector::{Vec3, add_cross, add_scaled, cross, dot, scaled};
 use crate::model::contact::{LawParameters, Rebound};
+use crate::model::dahl::{Dahl, LEAST, Resisted, load_root};
 
-/// Numbers of the memory of a contact.
-pub const MEMORY: usize = 3;
-
-/// Squares of numbers without unit below this count as this: no difference of forces would show.
-const LEAST: f64 = 1e-30;
-
-/// The smallest s is exp(-40): a repulsion of 2e-35 F_0.
-const LEAST_EXPONENT: f64 = -40.0;
+/// Numbers of the shear in the memory of a contact. They come first.
+pub const SHEAR: usize = 3;
 
 /// What friction with memory needs besides `LawParameters`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,6 +58,16 @@ pub struct MemoryParameters {
     pub damping: f64,
     /// Mass of every particle, kg.
     pub mass: f64,
+    /// Coefficients of rolling and of twisting resistance; 0 where there is none.
+    pub resistance: [f64; 2],
+}
+
+impl MemoryParameters {
+    /// Numbers in the memory of a contact.
+    pub fn numbers(&self) -> usize {
+        let [rolling, twisting] = self.resistance.map(|coefficient| coefficient > 0.0);
+        SHEAR + if rolling { 3 } else { 0 } + if twisting { 1 } else { 0 }
+    }
 }
 
 /// What a contact touches.
@@ -96,7 +100,7 @@ struct Side {
 /// use demhybrid::model::contact::{Elastic, LawParameters};
 /// use demhybrid::model::history::{History, MemoryParameters, Partner, Touch};
 ///
-/// let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.0 };
+/// let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.0, resistance: [0.0; 2] };
 /// let parameters = LawParameters {
 ///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 1.0, psi: 10.0, phi: 0.3, v_min: 0.01,
 ///     memory: Some(memory),
@@ -111,20 +115,49 @@ struct Side {
 /// ```
 #[derive(Debug, Clone, Copy)]
 pub struct History {
-    /// L_0 = mu rho(0) F_0, N.
-    limit: f64,
+    element: Dahl,
     /// 1/F_0, 1/N.
     inverse_f_0: f64,
-    /// x_m, m.
-    full_shear: f64,
-    inverse_full_shear: f64,
     half_kappa: f64,
+    turn: Turn,
+    pair: Side,
+    wall: Side,
+}
+
+/// How a memory turns with its contact.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Turn {
     /// 2 r, m.
     diameter: f64,
     /// 1/(2 r), 1/m.
     inverse_diameter: f64,
-    pair: Side,
-    wall: Side,
+}
+
+impl Turn {
+    pub(super) fn new(r: f64) -> Self {
+        Turn { diameter: 2.0 * r, inverse_diameter: 0.5 / r }
+    }
+
+    /// Adds -(p.n') n + (w_n.n) n x p to the `rate` (1/s) of the memory `p`.
+    ///
+    /// n' = `turns` `along`/d, where `along` (m/s) is the velocity of the centre along the contact plane, and
+    /// `turns` is 0 for a plane.
+    #[inline(always)]
+    pub(super) fn turned<A: Arithmetic>(
+        &self,
+        touch: Touch,
+        turns: f64,
+        along: &Vec3,
+        p: &Vec3,
+        rate: &Vec3,
+    ) -> Vec3 {
+        let Touch { gap, n, spins, .. } = touch;
+        let apart = inverse::<A>(at_least(0.01 * self.diameter, self.diameter + gap));
+        let tilt = turns * apart * dot::<A>(p, along);
+        let spin = self.inverse_diameter * dot::<A>(spins, n);
+        let turned = add_scaled::<A>(-tilt, n, rate);
+        add_cross::<A>(&scaled(spin, n), p, &turned)
+    }
 }
 
 /// A contact as the law sees it. Signs are those for particle i.
@@ -168,33 +201,24 @@ impl History {
     ///
     /// `law.phi` is mu.
     pub fn new(law: &LawParameters, memory: MemoryParameters, rotation: bool) -> Self {
-        let LawParameters { r, f_0, kappa, e, phi, .. } = *law;
-        let MemoryParameters { stiffness_ratio, damping, mass } = memory;
-        let at_rest = 0.5 * (1.0 + e * e);
-        let (limit, full_shear) = (phi * at_rest * f_0, phi * at_rest / (stiffness_ratio * kappa));
+        let LawParameters { r, f_0, kappa, phi, .. } = *law;
+        let MemoryParameters { damping, mass, .. } = memory;
+        let element = Dahl::new(phi, law, &memory);
         let moved = if rotation { 3.5 } else { 1.0 };
-        let tau = |mass: f64| 2.0 * damping * (mass * limit / full_shear).sqrt() / limit;
+        let tau = |mass: f64| element.damping(damping, mass);
         History {
-            limit,
+            element,
             inverse_f_0: 1.0 / f_0,
-            full_shear,
-            inverse_full_shear: 1.0 / full_shear,
             half_kappa: 0.5 * kappa,
-            diameter: 2.0 * r,
-            inverse_diameter: 0.5 / r,
+            turn: Turn::new(r),
             pair: Side { lever_per_gap: 0.5 / r, turns: 1.0, tau: tau(0.5 * mass / moved) },
             wall: Side { lever_per_gap: 1.0 / r, turns: 0.0, tau: tau(mass / moved) },
         }
     }
 
-    /// L_0 x_m: twice the energy that a memory of length 1 stores, J.
-    pub fn energy_scale(&self) -> f64 {
-        self.limit * self.full_shear
-    }
-
-    /// Shear at full friction x_m, m.
-    pub fn full_shear(&self) -> f64 {
-        self.full_shear
+    /// The element that resists slip.
+    pub fn element(&self) -> &Dahl {
+        &self.element
     }
 
     /// Friction (N) of a pair whose memory is 0, at a given `repulsion` (N) and `slip` (m/s).
@@ -205,7 +229,7 @@ impl History {
         let drag = scaled(self.pair.tau, slip);
         let drag2 = at_least(LEAST, dot::<A>(&drag, &drag));
         let w = s * inverse::<A>(s + drag2 * inverse_root::<A>(drag2));
-        scaled(-self.limit * (s * w), &drag)
+        scaled(-self.element.limit * (s * w), &drag)
     }
 
     /// Force, torque and rate of the memory of one contact. `law` and `rebound` are those of the normal
@@ -225,7 +249,7 @@ impl History {
         };
         let opening = dot::<A>(n, v_rel);
         let share = rebound.share::<A>(-opening);
-        let s = exp::<A>(at_least(LEAST_EXPONENT, -self.half_kappa * gap));
+        let s = load_root::<A>(self.half_kappa, gap);
         let repulsion = law.f_0 * (s * s);
         // Slip with the lever a.
         let lever = A::add_product(side.lever_per_gap, gap, 1.0);
@@ -233,37 +257,15 @@ impl History {
         let slip = add_cross::<A>(n, &scaled(lever, spins), &along);
         // Rounding takes p out of the contact plane: what is left of it there counts.
         let p = add_scaled::<A>(-dot::<A>(memory, n), n, memory);
-        let p2 = at_least(LEAST, dot::<A>(&p, &p));
-        let inverse_p = inverse_root::<A>(p2);
-        let q = p2 * inverse_p * inverse::<A>(s);
-        // tau |t|
-        let drag = scaled(side.tau, &slip);
-        let drag2 = at_least(LEAST, dot::<A>(&drag, &drag));
-        let drag_size = drag2 * inverse_root::<A>(drag2);
-        let w = s * inverse::<A>(s + drag_size);
-        // A step may leave p slightly beyond its limit: the force stays within.
-        let held = at_most(1.0, s * inverse_p);
-        let strength = -self.limit * (s * w);
-        let friction = scaled(strength, &add_scaled::<A>(held, &p, &drag));
-        // Beyond the limit, where no exact solution is, the wear goes on with the same slope.
-        let above = at_least(0.0, A::add_product(2.0, q, -1.0));
-        let g = if q < 1.0 { above * above } else { A::add_product(4.0, q, -3.0) };
-        let shear_rate = s * self.inverse_full_shear;
-        let growth = A::add_product(shear_rate, dot::<A>(&slip, &p), self.half_kappa * opening * p2);
-        let wear = g * at_least(0.0, growth) * (inverse_p * inverse_p);
-        let apart = inverse::<A>(at_least(0.01 * self.diameter, self.diameter + gap));
-        let tilt = side.turns * apart * dot::<A>(&p, &along);
-        let spin = self.inverse_diameter * dot::<A>(spins, n);
-        let kept = add_scaled::<A>(-wear, &p, &scaled(shear_rate, &slip));
-        let turned = add_scaled::<A>(-tilt, n, &kept);
-        let rate = add_cross::<A>(&scaled(spin, n), &p, &turned);
+        let Resisted { force: friction, rate } = self.element.resist::<A>([s, opening, side.tau], &slip, &p);
+        let rate = self.turn.turned::<A>(touch, side.turns, &along, &p, &rate);
         let at_rest = 0.5 * A::add_product(law.e, law.e, 1.0);
-        let stored = self.limit * self.full_shear * dot::<A>(&p, &rate);
+        let dissipated = self.element.dissipation::<A>(&Resisted { force: friction, rate }, &slip, &p);
         Response {
             force: add_scaled::<A>(repulsion * share, n, &friction),
             turning: scaled(lever, &cross::<A>(&friction, n)),
             rate,
-            dissipation: [(at_rest - share) * repulsion * opening, -dot::<A>(&friction, &slip) - stored],
+            dissipation: [(at_rest - share) * repulsion * opening, dissipated],
         }
     }
 }
@@ -277,7 +279,7 @@ mod tests {
     use proptest::test_runner::RngSeed;
 
     const MEMORY_OF_TEST: MemoryParameters =
-        MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0 };
+        MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance: [0.0; 2] };
 
     const LAW: LawParameters = LawParameters {
         r: 0.1,
@@ -364,7 +366,7 @@ mod tests {
         // Eq. of the module with t small: F = k_t x, k_t = c kappa F, and x_m is where that is the limit.
         let (n, gap) = (Vec3::z(), -0.01);
         let s = (-0.5 * LAW.kappa * gap).exp();
-        let x_m = friction().full_shear();
+        let x_m = friction().element().full;
         assert!((x_m - 0.345 * 0.58 / 75.0).abs() < 1e-15);
         for share in [0.0, 0.1, 0.49] {
             let memory = Vec3::new(share * s, 0.0, 0.0);
@@ -386,7 +388,7 @@ mod tests {
             let touch = Touch { gap, n: &n, v_rel: &slip, spins: &Vec3::zeros(), memory: &memory };
             let found = respond(Partner::Wall, touch);
             assert!((rubbing(&found, &n).y + limit(gap)).abs() < 1e-12 * limit(gap));
-            assert!(found.rate.norm() < 1e-9 * speed / friction().full_shear());
+            assert!(found.rate.norm() < 1e-9 * speed / friction().element().full);
         }
     }
 

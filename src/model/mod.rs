@@ -1,8 +1,10 @@
-//! What is simulated, as pure functions: the contact law, friction with memory, walls, effects, and the state
+//! What is simulated, as pure functions: the contact law, what contacts remember, walls, effects, and the state
 //! of a particle.
 
 pub mod columns;
 pub mod contact;
+pub mod dahl;
 pub mod effects;
 pub mod history;
+pub mod rolling;
 pub mod wall;

@@ -343,9 +343,28 @@ fn fixed_step(source: &Source, scene: &Scene) -> Result<(), Error> {
     Err(source.error(source.value(key), &message))
 }
 
-/// Checks that the paper's friction has the velocity that it needs.
+/// Checks that the law of friction has what it needs, and what rolling and twisting resistance need.
 fn friction(source: &Source, scene: &Scene) -> Result<(), Error> {
     let Some(friction) = &scene.friction else { return Ok(()) };
+    for (name, resistance) in [("rolling", &friction.rolling), ("twisting", &friction.twisting)] {
+        let law_is_wrong = friction.law != FrictionLaw::History;
+        let (key, needed) = if law_is_wrong {
+            ("friction.law", "friction.law = \"history\"")
+        } else if !friction.rotation {
+            ("friction.rotation", "friction.rotation = true")
+        } else {
+            ("friction.coefficient", "a friction.coefficient above 0")
+        };
+        let met = !law_is_wrong && friction.rotation && friction.coefficient > 0.0;
+        if resistance.is_some() && !met {
+            let message = format!(
+                "[friction.{name}] needs {needed}: without it no contact would resist {name}; or leave the table \
+                 out"
+            );
+            let span = source.value(key).or_else(|| source.value(&format!("friction.{name}")));
+            return Err(source.error(span, &message));
+        }
+    }
     if friction.law == FrictionLaw::History || friction.regularization_velocity.is_some() {
         return Ok(());
     }

@@ -3,7 +3,7 @@
 use crate::model::contact::{Dissipative, Frictionless, Law, LawParameters};
 use crate::model::effects::{Effects, FrictionLaw, Variant};
 use crate::model::history::MemoryParameters;
-use crate::scene::{DEFAULT_DAMPING, DEFAULT_STIFFNESS_RATIO, Scene};
+use crate::scene::{DEFAULT_DAMPING, DEFAULT_STIFFNESS_RATIO, Resistance, Scene};
 
 impl Effects {
     /// The effects of `scene`. An effect that could not change the result is left out.
@@ -41,6 +41,16 @@ impl Effects {
             Some(f) if f.coefficient > 0.0 => "history    off  friction.law = \"regularized\"",
             _ => "history    off  without friction there is nothing to remember",
         };
+        let resistance = |name: &str, table: Option<&Resistance>| match table {
+            Some(table) if self.variant == Variant::FrictionRotation && table.coefficient > 0.0 => {
+                format!("{name:<10} on   friction.{name}.coefficient = {}", table.coefficient)
+            }
+            Some(_) => format!("{name:<10} off  friction.{name}.coefficient = 0: nothing would resist"),
+            None => format!("{name:<10} off  the scene has no [friction.{name}]"),
+        };
+        let friction_table = scene.friction.as_ref();
+        let rolling = resistance("rolling", friction_table.and_then(|f| f.rolling.as_ref()));
+        let twisting = resistance("twisting", friction_table.and_then(|f| f.twisting.as_ref()));
         let rotation = match &scene.friction {
             Some(f) if f.coefficient > 0.0 && f.rotation => "rotation   on   friction.rotation = true",
             Some(f) if f.coefficient > 0.0 => "rotation   off  friction.rotation = false",
@@ -51,7 +61,7 @@ impl Effects {
         } else {
             format!("gravity    on   gravity = {:?}", scene.gravity)
         };
-        vec![rebound, friction, memory.into(), rotation.into(), gravity]
+        vec![rebound, friction, memory.into(), rotation.into(), rolling, twisting, gravity]
     }
 }
 
@@ -74,6 +84,10 @@ pub fn law(scene: &Scene) -> LawParameters {
             stiffness_ratio: f.stiffness_ratio.unwrap_or(DEFAULT_STIFFNESS_RATIO),
             damping: f.damping.unwrap_or(DEFAULT_DAMPING),
             mass: scene.particles.mass,
+            resistance: [&f.rolling, &f.twisting].map(|table| match table {
+                Some(table) if f.rotation => table.coefficient,
+                _ => 0.0,
+            }),
         }),
     }
 }

@@ -201,6 +201,20 @@ pub struct Friction {
     /// Whether friction rotates the particles.
     #[serde(default = "turning")]
     pub rotation: bool,
+    /// Resistance to rolling. It needs the law with memory and rotation.
+    #[serde(default)]
+    pub rolling: Option<Resistance>,
+    /// Resistance to twisting. It needs the law with memory and rotation.
+    #[serde(default)]
+    pub twisting: Option<Resistance>,
+}
+
+/// Resistance to rolling or to twisting.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Resistance {
+    /// Largest moment over the normal force at rest and the reduced radius; >= 0.
+    pub coefficient: f64,
 }
 
 fn turning() -> bool {

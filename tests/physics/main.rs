@@ -17,5 +17,6 @@ mod packing;
 mod properties;
 mod reference;
 mod rest;
+mod rolling;
 mod scaling;
 mod solver;

@@ -65,6 +65,8 @@ impl Cloud {
             stiffness_ratio: None,
             damping: None,
             rotation,
+            rolling: None,
+            twisting: None,
         });
         scene
     }

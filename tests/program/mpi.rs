@@ -19,7 +19,8 @@ const GRAIN: i64 = demhybrid::threads::GRAIN as i64;
 
 const BASIC: &str = "";
 const FRICTION: &str = "[friction]\ncoefficient = 0.2\nregularization_velocity = 0.1\nrotation = false\n";
-const MEMORY: &str = "[friction]\nlaw = \"history\"\ncoefficient = 0.3\n";
+const MEMORY: &str = "[friction]\nlaw = \"history\"\ncoefficient = 0.3\n\
+    rolling = { coefficient = 0.05 }\ntwisting = { coefficient = 0.02 }\n";
 const ROTATION: &str = "[friction]\ncoefficient = 0.2\nregularization_velocity = 0.1\nrotation = true\n";
 
 /// A scene with the contacts of settle.toml and the particles of start.csv beside it.

@@ -16,8 +16,8 @@ pub fn output_bytes(scene: &Scene, count: u64) -> u64 {
 /// Upper bound of the size of both checkpoints together, bytes; 0 if the scene asks for none.
 pub fn checkpoint_bytes(scene: &Scene, count: u64) -> u64 {
     let slots = if scene.checkpoint.is_some() { 2 } else { 0 };
-    let remembers = effects::law(scene).memory.is_some();
-    checkpoint::bytes(count, &Columns::new(scene.rotates()), remembers).saturating_mul(slots)
+    let numbers = effects::law(scene).memory.map_or(0, |memory| memory.numbers());
+    checkpoint::bytes(count, &Columns::new(scene.rotates()), numbers).saturating_mul(slots)
 }
 
 /// Number of frames of the scene, including the one at t = 0.

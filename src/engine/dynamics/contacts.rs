@@ -6,9 +6,8 @@
 use super::Dynamics;
 use crate::domain::{Comm, Parcels};
 use crate::math::larger;
-use crate::model::history::MEMORY;
 use crate::ode::{Segment, StepStart};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// Which contacts have a row.
 #[derive(Debug, Default)]
@@ -24,15 +23,21 @@ pub(super) struct Contacts {
 pub struct ContactRecords {
     /// Number of vectors.
     vectors: usize,
+    /// Numbers of the memory of a contact in a vector.
+    memory: usize,
     /// The lower and the higher id of each, ascending; a wall counts from `FIRST_WALL` on.
     keys: Vec<[u64; 2]>,
     /// For each the memory in every vector.
     numbers: Vec<f64>,
 }
 
-/// -1 where the first body of a contact has the higher id.
-fn sign(key: [u64; 2]) -> f64 {
-    if key[0] > key[1] { -1.0 } else { 1.0 }
+/// The `memory` of a contact as the particle with the lower id sees it, or back: the same seen from the other
+/// body if the first body of `key` has the higher id.
+///
+/// Threes of its numbers are vectors, which change sign; what is left over does not.
+pub(super) fn seen_by_lower(key: [u64; 2], memory: &[f64]) -> impl Iterator<Item = f64> {
+    let vectors = if key[0] > key[1] { memory.len() / 3 * 3 } else { 0 };
+    memory.iter().enumerate().map(move |(k, &number)| if k < vectors { -number } else { number })
 }
 
 fn sorted(key: [u64; 2]) -> [u64; 2] {
@@ -41,17 +46,17 @@ fn sorted(key: [u64; 2]) -> [u64; 2] {
 
 impl ContactRecords {
     /// The rows with these `keys` in the `tails` of some vectors.
-    fn of(keys: &[[u64; 2]], tails: &[&[f64]]) -> Self {
+    fn of(keys: &[[u64; 2]], tails: &[&[f64]], memory: usize) -> Self {
         let mut order: Vec<usize> = (0..keys.len()).collect();
         order.sort_unstable_by_key(|&row| sorted(keys[row]));
         // A pair of two blocks has two rows with the same numbers.
         order.dedup_by_key(|row| sorted(keys[*row]));
-        let mut records = ContactRecords { vectors: tails.len(), ..Self::default() };
+        let mut records = ContactRecords { vectors: tails.len(), memory, ..Self::default() };
         for row in order {
             records.keys.push(sorted(keys[row]));
             for tail in tails {
-                let memory = &tail[row * MEMORY..(row + 1) * MEMORY];
-                records.numbers.extend(memory.iter().map(|number| sign(keys[row]) * number));
+                let own = &tail[row * memory..(row + 1) * memory];
+                records.numbers.extend(seen_by_lower(keys[row], own));
             }
         }
         records
@@ -59,7 +64,7 @@ impl ContactRecords {
 
     /// Numbers of a record.
     fn width(&self) -> usize {
-        self.vectors * MEMORY
+        self.vectors * self.memory
     }
 
     /// Sends every record to the ranks that will own its particles. Collective.
@@ -69,7 +74,7 @@ impl ContactRecords {
         if comm.size() == 1 {
             return;
         }
-        let owner: HashMap<u64, usize> = ids.iter().copied().zip(owners.iter().copied()).collect();
+        let owner: FxHashMap<u64, usize> = ids.iter().copied().zip(owners.iter().copied()).collect();
         let targets = |key: &[u64; 2]| {
             let [a, b] = key.map(|id| owner.get(&id).copied());
             [a, b.filter(|_| a != b)].into_iter().flatten()
@@ -113,7 +118,7 @@ impl ContactRecords {
     ///
     /// Also returns the number of contacts for which a row has room.
     fn table(&self, comm: &dyn Comm, ids: &[u64]) -> (usize, Vec<f64>) {
-        let place: HashMap<u64, usize> = ids.iter().copied().zip(0..).collect();
+        let place: FxHashMap<u64, usize> = ids.iter().copied().zip(0..).collect();
         let mut counts = vec![0; ids.len()];
         let own = self.keys.iter().filter_map(|key| place.get(&key[0]));
         own.for_each(|&i| counts[i] += 1);
@@ -134,9 +139,9 @@ impl ContactRecords {
 
     /// The records in the rows of a table for the particles from `first` on, with `slots` contacts of some
     /// `vectors` in each row.
-    pub fn from_table(first: u64, table: &[f64], slots: usize, vectors: usize) -> Self {
-        let slot = 1 + vectors * MEMORY;
-        let mut records = ContactRecords { vectors, ..Self::default() };
+    pub fn from_table(first: u64, table: &[f64], slots: usize, [vectors, memory]: [usize; 2]) -> Self {
+        let slot = 1 + vectors * memory;
+        let mut records = ContactRecords { vectors, memory, ..Self::default() };
         for (id, row) in (first..).zip(table.chunks_exact((slots * slot).max(1))) {
             for numbers in row.chunks_exact(slot).filter(|numbers| numbers[0] > 0.0) {
                 records.keys.push([id, numbers[0] as u64 - 1]);
@@ -167,24 +172,23 @@ impl Dynamics<'_> {
         self.forces.find_contacts();
         let found = self.forces.take_contacts(&self.domain.ids);
         let keys = found.map(|turnover| turnover.first_keys).unwrap_or_default();
-        y.resize(self.particle_numbers() + keys.len() * MEMORY, 0.0);
+        y.resize(self.particle_numbers() + keys.len() * self.forces.memory_width(), 0.0);
         self.note_contacts(keys.into_iter());
     }
 
     /// Takes over the contacts of a newly accepted state, which the last trial has found.
     pub fn follow_contacts(&mut self, step_start: &mut StepStart) {
         let Some(turnover) = self.forces.take_contacts(&self.domain.ids) else { return };
-        let particles = self.particle_numbers();
+        let (particles, width) = (self.particle_numbers(), self.forces.memory_width());
+        let none = vec![0.0; width];
         let StepStart { y, slope, slope_known, direction, direction_known, .. } = step_start;
-        let follow = |vector: &mut Vec<f64>, first: &[[f64; MEMORY]]| {
+        let follow = |vector: &mut Vec<f64>, first: &[f64]| {
             let old = vector.split_off(particles);
-            let mut first = first.iter();
+            let mut first = first.chunks_exact(width);
             for &source in &turnover.sources {
-                let start = source as usize * MEMORY;
-                match old.get(start..start + MEMORY) {
-                    Some(memory) => vector.extend_from_slice(memory),
-                    None => vector.extend(first.next().unwrap_or(&[0.0; MEMORY])),
-                }
+                let start = source as usize * width;
+                let kept = old.get(start..start + width);
+                vector.extend_from_slice(kept.or_else(|| first.next()).unwrap_or(&none));
             }
         };
         follow(y, &[]);
@@ -206,14 +210,14 @@ impl Dynamics<'_> {
         (self.contacts.keys, self.contacts.counted) = keys.unzip();
         let rows = self.contacts.keys.len();
         self.layout.0.truncate(1);
-        self.layout.0.push(Segment { rows, width: MEMORY, positions: 0 });
+        self.layout.0.push(Segment { rows, width: self.forces.memory_width(), positions: 0 });
     }
 
     /// Takes the memories out of some vectors, which then hold particles only.
     pub(super) fn take_records(&self, vectors: &mut [&mut Vec<f64>]) -> ContactRecords {
         let particles = self.particle_numbers();
         let tails: Vec<&[f64]> = vectors.iter().map(|vector| &vector[particles..]).collect();
-        let records = ContactRecords::of(&self.contacts.keys, &tails);
+        let records = ContactRecords::of(&self.contacts.keys, &tails, self.forces.memory_width());
         vectors.iter_mut().for_each(|vector| vector.truncate(particles));
         records
     }
@@ -223,7 +227,7 @@ impl Dynamics<'_> {
         if self.forces.memory_width() == 0 {
             return;
         }
-        let place: HashMap<[u64; 2], usize> = records.keys.iter().copied().zip(0..).collect();
+        let place: FxHashMap<[u64; 2], usize> = records.keys.iter().copied().zip(0..).collect();
         let mut records_of_rows: Vec<usize> = Vec::with_capacity(records.keys.len());
         let keys = self.forces.assign_rows(&self.domain.ids, &mut |key| {
             let found = place.get(&sorted(key));
@@ -234,9 +238,8 @@ impl Dynamics<'_> {
         let width = records.width();
         for (k, vector) in vectors.iter_mut().enumerate() {
             for (&key, record) in self.contacts.keys.iter().zip(&records_of_rows) {
-                let start = record * width + k * MEMORY;
-                let memory = &records.numbers[start..start + MEMORY];
-                vector.extend(memory.iter().map(|number| sign(key) * number));
+                let start = record * width + k * records.memory;
+                vector.extend(seen_by_lower(key, &records.numbers[start..start + records.memory]));
             }
         }
     }
@@ -249,22 +252,25 @@ impl Dynamics<'_> {
 
     /// The memories of contacts in some vectors as a table for a checkpoint; see `ContactRecords::table`.
     /// Collective.
-    pub fn contact_table(&self, vectors: &[&[f64]]) -> (usize, Vec<f64>) {
-        if self.forces.memory_width() == 0 {
-            return (0, Vec::new());
+    pub fn contact_table(&self, vectors: &[&[f64]]) -> ([usize; 2], Vec<f64>) {
+        let memory = self.forces.memory_width();
+        if memory == 0 {
+            return ([0; 2], Vec::new());
         }
         let particles = self.particle_numbers();
         let tails: Vec<&[f64]> = vectors.iter().map(|vector| &vector[particles..]).collect();
-        ContactRecords::of(&self.contacts.keys, &tails).table(self.domain.comm, self.ids())
+        let records = ContactRecords::of(&self.contacts.keys, &tails, memory);
+        let (slots, table) = records.table(self.domain.comm, self.ids());
+        ([slots, memory], table)
     }
 
     /// Energies that the memories at the end of `y` store, by row, J; 0 where another rank counts the
     /// contact.
     pub(super) fn stored_in_memories<'a>(&'a self, y: &'a [f64]) -> impl Fn(usize) -> f64 + Sync + use<'a> {
         let (kernel, counted) = (&*self.forces.kernel, &self.contacts.counted);
-        let tail = &y[self.particle_numbers()..];
+        let (tail, width) = (&y[self.particle_numbers()..], self.forces.memory_width());
         move |row: usize| {
-            let memory = &tail[row * MEMORY..(row + 1) * MEMORY];
+            let memory = &tail[row * width..(row + 1) * width];
             if counted[row] { kernel.stored_in_memory(memory) } else { 0.0 }
         }
     }
@@ -282,9 +288,12 @@ mod tests {
         pairs.chain((0..count).step_by(5).map(|id| [id, (1 << 52) + id % 2])).collect()
     }
 
+    /// Shear and twisting.
+    const MEMORY: usize = 4;
+
     /// The memory of a contact in vector `k`, as the lower id sees it.
     fn memory(key: [u64; 2], k: usize) -> [f64; MEMORY] {
-        [key[0] as f64 + 0.5, (key[1] % 1000) as f64, k as f64 - 1.0]
+        [key[0] as f64 + 0.5, (key[1] % 1000) as f64, k as f64 - 1.0, key[0] as f64 - 0.25]
     }
 
     /// Records of the contacts with a particle that `is_own`, from rows with the bodies in either order.
@@ -295,9 +304,14 @@ mod tests {
         // A pair of two blocks has two rows.
         let keys: Vec<[u64; 2]> = keys.flat_map(|key| [flip(key), flip(key)]).collect();
         let tail = |k: usize| -> Vec<f64> {
-            keys.iter().flat_map(|&key| memory(sorted(key), k).map(|number| sign(key) * number)).collect()
+            // Seen from the other body a vector is reversed, and a twist is the same.
+            let seen = |key: [u64; 2]| {
+                let [x, y, z, twist] = memory(sorted(key), k);
+                if key[0] > key[1] { [-x, -y, -z, twist] } else { [x, y, z, twist] }
+            };
+            keys.iter().flat_map(|&key| seen(key)).collect()
         };
-        ContactRecords::of(&keys, &[&tail(0), &tail(1)])
+        ContactRecords::of(&keys, &[&tail(0), &tail(1)], MEMORY)
     }
 
     #[test]
@@ -328,7 +342,7 @@ mod tests {
                 let by_id = rows::ById::new(comm, 50, &ids, &table, width);
                 let block: Vec<f64> = by_id.iter().flatten().copied().collect();
                 let first = rows::block(50, comm.rank(), ranks).start;
-                let mut found = ContactRecords::from_table(first, &block, slots, 2);
+                let mut found = ContactRecords::from_table(first, &block, slots, [2, MEMORY]);
                 found.share(comm);
                 assert_eq!(found, records(50, &|_| true));
             });

@@ -1,5 +1,6 @@
 //! The right-hand side at a stage, and what the methods of `ode` ask of this problem.
 
+use super::contacts::seen_by_lower;
 use super::decomposition::{Decomposition, gather};
 use super::{Dynamics, Extremes, Fault, FaultSearch};
 use crate::domain::{Comm, exact, migration};
@@ -9,7 +10,6 @@ use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::{SPIN, VELOCITY, position, spin, velocity};
 use crate::model::contact::LawParameters;
-use crate::model::history::MEMORY;
 use crate::ode::{
     Dissipation, Errors, FinishRows, Ivp, Layout, MakeStage, Part, Rows, Stage, TrialOutcome, VECTORS,
     largest_magnitude, no_vectors,
@@ -49,7 +49,8 @@ impl Dynamics<'_> {
             vector.split_at_mut(end)
         });
         if !rates.is_empty() {
-            let vectors = own.each_mut().map(|(_, of_contacts)| Rows::new(of_contacts, MEMORY));
+            let width = forces.memory_width();
+            let vectors = own.each_mut().map(|(_, of_contacts)| Rows::new(of_contacts, width));
             forces.make_memories(maker, particles, vectors, rates);
         }
         let mut vectors = own.map(|(of_particles, _)| of_particles);
@@ -206,15 +207,21 @@ impl Ivp for Dynamics<'_> {
         };
         let (particles, memories) = v.split_at_mut(self.layout.whole(0).len);
         threads::parts(ids.len(), threads::GRAIN, Rows::new(particles, width), &add, &|(), ()| ());
-        let unit = 2.0 * self.forces.kernel.stored_in_memory(&[1.0, 0.0, 0.0]);
-        let size = 1.0 / (unit * self.count() as f64).sqrt();
-        for (memory, key) in memories.as_chunks_mut::<MEMORY>().0.iter_mut().zip(&self.contacts.keys) {
-            let sign = if key[0] > key[1] { -1.0 } else { 1.0 };
+        let count = self.count() as f64;
+        let mut sizes = Vec::new();
+        for (numbers, element) in self.forces.kernel.elements() {
+            sizes.extend(std::iter::repeat_n(1.0 / (element.stiffness() * count).sqrt(), *numbers));
+        }
+        for (memory, &key) in memories.chunks_exact_mut(sizes.len().max(1)).zip(&self.contacts.keys) {
             let of = |id: u64| migration::scramble(id ^ migration::scramble(round));
             let mut bits = migration::scramble(of(key[0].min(key[1])) ^ key[0].max(key[1]));
-            for number in memory {
+            let added = sizes.iter().map(|size| {
                 bits = migration::scramble(bits);
-                *number += sign * share * size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0);
+                share * size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0)
+            });
+            let added: Vec<f64> = added.collect();
+            for (number, added) in memory.iter_mut().zip(seen_by_lower(key, &added)) {
+                *number += added;
             }
         }
     }
@@ -253,16 +260,17 @@ impl Ivp for Dynamics<'_> {
         let (mut errors, [drift, way, speed]) =
             threads::parts(origin.len(), threads::GRAIN, rows, &measure, &both);
         if !memories.is_empty() {
-            let (all, rows) = (self.layout.whole(1), Rows::new(memories, MEMORY));
+            let all = self.layout.whole(1);
+            let (rows, width) = (Rows::new(memories, all.width), all.width);
             let counted = &self.contacts.counted[..];
             let measure = |mut first: usize, rows: Rows| {
                 let mut errors = Errors::default();
                 let mut rest = rows.numbers;
                 // A contact that another block or rank counts has the same error there.
                 while !rest.is_empty() {
-                    let alike = counted[first..first + rest.len() / MEMORY].chunk_by(|a, b| a == b);
+                    let alike = counted[first..first + rest.len() / width].chunk_by(|a, b| a == b);
                     let count = alike.map(<[bool]>::len).next().unwrap_or(0);
-                    let (these, behind) = rest.split_at_mut(count * MEMORY);
+                    let (these, behind) = rest.split_at_mut(count * width);
                     let found = finish(all.rows(first..first + count), these);
                     errors =
                         errors.merge(if counted[first] { found } else { Errors { sums: [0; 2], ..found } });
@@ -270,7 +278,7 @@ impl Ivp for Dynamics<'_> {
                 }
                 errors
             };
-            let count = all.len / MEMORY;
+            let count = all.len / width;
             errors = errors.merge(threads::parts(count, threads::GRAIN, rows, &measure, &Errors::merge));
         }
         let moved = [larger(self.motion.moved[0], drift), larger(self.motion.moved[1], way)];

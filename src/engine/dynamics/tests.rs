@@ -337,8 +337,8 @@ fn columns_that_do_not_change_follow_particles_and_their_ghosts() {
 }
 
 /// Two spheres that remember, without walls and weight, at these states.
-fn remembering_pair(states: [Body; 2]) -> (Dynamics<'static>, StepStart) {
-    let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.5 };
+fn remembering_pair(states: [Body; 2], resistance: [f64; 2]) -> (Dynamics<'static>, StepStart) {
+    let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.5, resistance };
     let law = LawParameters { memory: Some(memory), ..LAW };
     let kernel = move |set| kernel::kernel(ALL_EFFECTS, law, set);
     let parameters =
@@ -357,49 +357,63 @@ fn at(x: f64) -> Body {
     body(Vec3::x() * x, Vec3::zeros(), Vec3::zeros())
 }
 
-/// Acceleration along y of particle 0 at the start of the step, m/s^2.
-fn sideways(dynamics: &mut Dynamics, step_start: &mut StepStart) -> f64 {
+/// Slope of the state of particle 0 at the start of the step.
+fn first_slope(dynamics: &mut Dynamics, step_start: &mut StepStart) -> Body {
     step_start.slope_known = false;
     dynamics.begin();
     step_start.find_slope(dynamics);
     let first = dynamics.ids().iter().position(|&id| id == 0).unwrap();
-    step_start.slope[9 * first + 4]
+    step_start.slope.as_chunks().0[first]
 }
 
 #[test]
 fn a_memory_keeps_its_direction_where_new_lists_turn_the_pair_round() {
     // Cells are 0.36 m wide: at first particle 0 is in the lower cell, then in the higher one.
-    let (mut dynamics, mut start) = remembering_pair([at(0.3), at(0.45)]);
+    let (mut dynamics, mut start) = remembering_pair([at(0.3), at(0.45)], [0.05, 0.02]);
     assert_eq!(dynamics.contacts.keys, [[0, 1]]);
-    start.y[18..].copy_from_slice(&[0.0, 0.3, 0.0]);
-    let before = sideways(&mut dynamics, &mut start);
-    // Elastic friction is -L_0 s p over the mass.
+    // Shear and rolling along y, and a twist.
+    start.y[18..].copy_from_slice(&[0.0, 0.3, 0.0, 0.0, 0.4, 0.0, 0.5]);
+    let before = first_slope(&mut dynamics, &mut start);
+    // Elastic friction is -L_0 s p over the mass. Moments over the radius have half of that form, for R = r/2.
     let s = (0.5f64 * 150.0 * 0.05).exp();
-    assert!((before / (-0.2 * 0.58 * 10.0 * s * 0.3 / 2.5) - 1.0).abs() < 1e-12, "{before}");
+    let limit = |coefficient: f64| coefficient * 0.58 * 10.0 * s;
+    let spin_per_force = 0.1 * 0.1 * 40.0;
+    // The first lies to the left of the second, so that the normal, about which it twists, is -x.
+    let expected = [
+        -limit(0.2) * 0.3 / 2.5,
+        0.5 * limit(0.02) * 0.5 * spin_per_force,
+        -0.5 * limit(0.05) * 0.4 * spin_per_force,
+    ];
+    for (found, expected) in [before[4], before[6], before[7]].iter().zip(expected) {
+        assert!((found / expected - 1.0).abs() < 1e-12, "{before:?} {expected:?}");
+    }
     (start.y[0], start.y[9]) = (0.85, 0.7);
     dynamics.rebuild(&mut start).unwrap();
     assert_eq!(dynamics.contacts.keys, [[1, 0]]);
-    let after = sideways(&mut dynamics, &mut start);
-    assert!((after / before - 1.0).abs() < 1e-12, "{before} {after}");
+    let after = first_slope(&mut dynamics, &mut start);
+    // Now the normal is x: the twist and the torque of friction are reversed, the others are not.
+    for (k, sign) in [(4, 1.0), (6, -1.0), (7, 1.0), (8, -1.0)] {
+        assert!((after[k] / before[k] * sign - 1.0).abs() < 1e-12, "{k}: {before:?} {after:?}");
+    }
 }
 
 #[test]
 fn a_new_contact_begins_with_its_own_rate() {
     // They close with 2 m/s and slip; at first they are out of reach.
-    let fast = |x: f64, v: f64| body(Vec3::x() * x, Vec3::new(v, v, 0.0), Vec3::new(0.0, 0.0, 0.3));
-    let (mut dynamics, mut start) = remembering_pair([fast(0.0, 1.0), fast(0.252, -1.0)]);
+    let fast = |x: f64, v: f64| body(Vec3::x() * x, Vec3::new(v, v, 0.0), Vec3::new(0.2 * v, 0.1 * v, 0.3));
+    let (mut dynamics, mut start) = remembering_pair([fast(0.0, 1.0), fast(0.252, -1.0)], [0.05, 0.02]);
     assert_eq!(start.y.len(), 18);
-    let norm = Norm { weights: vec![vec![1.0; 9], vec![1.0; 3]], rate: false, mean: None };
+    let norm = Norm { weights: vec![vec![1.0; 9], vec![1.0; 7]], rate: false, mean: None };
     let (mut trial, mut method) = (TrialStep::default(), RungeKutta::new(&DORMAND_PRINCE));
     method.attempt(&mut dynamics, &mut start, 2e-3, &norm, &mut trial);
     std::mem::swap(&mut start.y, &mut trial.next);
     std::mem::swap(&mut start.slope, &mut trial.slope);
     dynamics.follow_contacts(&mut start);
-    assert_eq!((start.y.len(), start.slope.len()), (21, 21));
-    assert_eq!(start.y[18..], [0.0; 3]);
+    assert_eq!((start.y.len(), start.slope.len()), (25, 25));
+    assert_eq!(start.y[18..], [0.0; 7]);
     let kept = start.slope[18..].to_vec();
-    sideways(&mut dynamics, &mut start);
-    assert!(kept[1].abs() > 1.0);
+    first_slope(&mut dynamics, &mut start);
+    assert!([1, 4, 6].iter().all(|&k| kept[k].abs() > 1.0), "{kept:?}");
     for (kept, found) in kept.iter().zip(&start.slope[18..]) {
         assert!((kept - found).abs() <= 1e-12 * kept.abs(), "{kept} {found}");
     }

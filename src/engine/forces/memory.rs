@@ -13,8 +13,9 @@ use super::pass::{StageMaker, Vectors};
 use super::{BlockParts, Forces};
 use crate::engine::kernel::{Kernel, NO_ROW};
 use crate::engine::neighbors::Block;
+use crate::math::vector::Vec3;
 use crate::model::columns::{position, spin, velocity};
-use crate::model::history::{MEMORY, Partner};
+use crate::model::history::{Partner, Touch};
 use crate::model::wall::Wall;
 use crate::ode::{Part, Rows, Stage};
 use crate::threads::Cut;
@@ -36,7 +37,7 @@ pub struct Found {
     /// The old row of every new one; [`NO_ROW`] for a new contact.
     sources: Vec<u32>,
     /// Rates of the memories of new contacts, in the order of their rows, 1/s.
-    first_rates: Vec<[f64; MEMORY]>,
+    first_rates: Vec<f64>,
 }
 
 /// How rows follow from those before.
@@ -45,7 +46,7 @@ pub struct Turnover {
     /// The old row of every new one; [`NO_ROW`] for a new contact.
     pub sources: Vec<u32>,
     /// Rates of the memories of new contacts, in the order of their rows, 1/s.
-    pub first_rates: Vec<[f64; MEMORY]>,
+    pub first_rates: Vec<f64>,
     /// Their keys, and whether they are counted here; see `Forces::assign_rows`.
     pub first_keys: Vec<([u64; 2], bool)>,
 }
@@ -88,26 +89,29 @@ fn near_contacts<'a>(
     pairs.chain(of_walls)
 }
 
-/// Rate of the memory of a new contact, in place `place`; see `Found::places`.
-fn first_rate(
+/// Adds the rate of the memory of a new contact, in place `place`, to `rates`; see `Found::places`.
+fn add_first_rate(
     kernel: &dyn Kernel,
     (block, local): (&Block, &BlockBodies),
     walls: &[Wall],
     place: usize,
-) -> [f64; MEMORY] {
-    let r = kernel.law().r;
+    rates: &mut Vec<f64>,
+) {
+    let (r, memory) = (kernel.law().r, &Vec3::zeros());
     let body = |slot: u32| local.body(slot as usize);
     if let Some(&[i, j]) = block.pairs.get(place) {
         let (a, b) = (body(i), body(j));
         let apart = position(a) - position(b);
         let d = apart.norm();
-        let (v_rel, spins) = (velocity(a) - velocity(b), spin(a) + spin(b));
-        return kernel.first_rate(Partner::Sphere, d - 2.0 * r, &(apart / d), &v_rel, &spins);
+        let (n, v_rel, spins) = (&(apart / d), &(velocity(a) - velocity(b)), &(spin(a) + spin(b)));
+        let touch = Touch { gap: d - 2.0 * r, n, v_rel, spins, memory };
+        return kernel.add_first_rate(Partner::Sphere, touch, &(spin(a) - spin(b)), rates);
     }
     let [i, wall] = block.walls[place - block.pairs.len()];
     let (a, wall) = (body(i), &walls[wall as usize]);
-    let gap = wall.depth(&position(a)) - r;
-    kernel.first_rate(Partner::Wall, gap, &-wall.normal, &velocity(a), &spin(a))
+    let (n, v_rel, spins) = (&-wall.normal, &velocity(a), &spin(a));
+    let touch = Touch { gap: wall.depth(&position(a)) - r, n, v_rel, spins, memory };
+    kernel.add_first_rate(Partner::Wall, touch, spins, rates);
 }
 
 impl Forces {
@@ -129,23 +133,24 @@ impl Forces {
     /// Makes the stage of all memories, and sets their rates to 0. `vectors` and `rates` have one row for
     /// each.
     pub fn make_memories(&mut self, maker: StageMaker, first: usize, vectors: Vectors, rates: &mut [f64]) {
-        let Forces { lists, bounds, block_bodies, row_bounds, .. } = self;
+        let Forces { kernel, lists, bounds, block_bodies, row_bounds, .. } = self;
+        let width = kernel.memory();
         let work = |((_, block_bodies), rows): (BlockParts, ByRows<(Rows, Vectors)>), ()| {
             let memories = &mut block_bodies[0].memories;
             let (mut rest, mut row) = (rows.items, rows.bounds[0]);
-            memories.resize((rows.bounds[1] - rows.bounds[0]) * MEMORY, 0.0);
-            for states in memories.chunks_mut(ROWS * MEMORY) {
-                let ((slopes, vectors), behind) = rest.cut(states.len() / MEMORY);
+            memories.resize((rows.bounds[1] - rows.bounds[0]) * width, 0.0);
+            for states in memories.chunks_mut(ROWS * width) {
+                let ((slopes, vectors), behind) = rest.cut(states.len() / width);
                 rest = behind;
-                let start = first + row * MEMORY;
-                let part = Part { segment: 1, row, start, len: states.len(), width: MEMORY, positions: 0 };
-                row += states.len() / MEMORY;
+                let start = first + row * width;
+                let part = Part { segment: 1, row, start, len: states.len(), width, positions: 0 };
+                row += states.len() / width;
                 let vectors = vectors.map(|rows| rows.numbers);
                 (maker.make)(Stage { part, vectors, state: states, slope: slopes.numbers });
                 slopes.numbers.fill(0.0);
             }
         };
-        let items = (Rows::new(rates, MEMORY), vectors);
+        let items = (Rows::new(rates, width), vectors);
         let own = (&mut lists.blocks[..], &mut block_bodies[..]);
         each_block(bounds, (own, ByRows { bounds: row_bounds, items }), (), &work, &|(), ()| ());
     }
@@ -179,7 +184,8 @@ impl Forces {
                     found.places.push(place);
                     found.sources.push(row);
                     if row == NO_ROW {
-                        found.first_rates.push(first_rate(kernel, (block, local), walls, place as usize));
+                        let rates = &mut found.first_rates;
+                        add_first_rate(kernel, (block, local), walls, place as usize, rates);
                     }
                 }
             }

@@ -33,7 +33,6 @@ use crate::engine::neighbors::{BATCH, Block};
 use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::POSITION;
-use crate::model::history::MEMORY;
 use crate::ode::{MakeStage, Part, Rows, Stage, VECTORS};
 use crate::threads::Cut;
 use fail::fail_point;
@@ -69,8 +68,8 @@ pub type Vectors<'a> = [Rows<'a>; VECTORS];
 /// Rates of the memories of the contacts of blocks.
 type Rates<'a> = ByRows<'a, Rows<'a>>;
 
-fn rates_of<'a>(bounds: &'a [usize], rates: &'a mut [f64]) -> Rates<'a> {
-    ByRows { bounds, items: Rows::new(rates, MEMORY) }
+fn rates_of<'a>(bounds: &'a [usize], rates: &'a mut [f64], kernel: &dyn Kernel) -> Rates<'a> {
+    ByRows { bounds, items: Rows::new(rates, kernel.memory().max(1)) }
 }
 
 /// What is the same for all particles: kernel, inertia and walls.
@@ -267,7 +266,7 @@ impl Forces {
             field.export(maker, (block, local), &mut outboxes[0], [front, back], rates.items.numbers);
         };
         let own = ((&mut lists.blocks[..], &mut block_bodies[..]), outboxes);
-        let own = (own, rates_of(row_bounds, rates));
+        let own = (own, rates_of(row_bounds, rates, &**kernel));
         each_block(bounds, own, (Rows::new(dydt, *width), vectors), &work, &|(), ()| ());
     }
 
@@ -293,7 +292,7 @@ impl Forces {
         };
         each_block(
             bounds,
-            ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates)),
+            ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates, &**kernel)),
             (Rows::new(dydt, *width), vectors),
             &work,
             &|(), ()| (),
@@ -369,7 +368,7 @@ impl Forces {
         let both = |a: (u64, [f64; 2]), b: (u64, [f64; 2])| {
             (a.0 + b.0, [larger(a.1[0], b.1[0]), larger(a.1[1], b.1[1])])
         };
-        let own = ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates));
+        let own = ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates, &**kernel));
         each_block(bounds, own, (Rows::new(dydt, *width), vectors), &work, &both)
     }
 }

@@ -5,10 +5,11 @@
 
 use super::BATCH;
 use crate::math::instructions::Lanes;
-use crate::math::vector::{Vec3, vector};
+use crate::math::vector::{Vec3, dot, scaled, vector};
 use crate::model::columns::{POSITION, SPIN, VELOCITY};
 use crate::model::contact::{Action, Law, Rebound, Tangential};
-use crate::model::history::{MEMORY, Partner, Response, Touch};
+use crate::model::history::{Partner, Response, SHEAR, Touch};
+use crate::model::rolling::Resistance;
 
 /// The number of evaluated rows is a multiple of this.
 const STRIDE: usize = 8;
@@ -30,14 +31,31 @@ pub struct Batch {
     spins: [Column; 3],
     /// 1 where a pair is within `l_max`, 0 elsewhere.
     pub near: [u64; BATCH],
-    /// The memory of the contact; after `evaluate` its rate, 1/s. Only for friction with memory.
-    memory: [Column; MEMORY],
+    /// The memory of the contact; after `evaluate` and `resist` its rate, 1/s. Only for laws with memory.
+    memory: [Column; MOST_MEMORY],
+    /// Of spheres that resist rolling or twisting: at first the difference of the spins, m/s; at last the
+    /// torque over the radius on the partner, N.
+    turns: [Column; 3],
+    /// Their moment over the radius, N.
+    moment: [Column; 3],
 }
+
+/// Most numbers in the memory of a contact: shear, rolling and twisting.
+const MOST_MEMORY: usize = SHEAR + 3 + 1;
 
 impl Default for Batch {
     fn default() -> Self {
         let columns = [[0.0; BATCH]; 3];
-        Batch { gap: [0.0; BATCH], n: columns, v: columns, spins: columns, near: [0; BATCH], memory: columns }
+        Batch {
+            gap: [0.0; BATCH],
+            n: columns,
+            v: columns,
+            spins: columns,
+            near: [0; BATCH],
+            memory: [[0.0; BATCH]; MOST_MEMORY],
+            turns: columns,
+            moment: columns,
+        }
     }
 }
 
@@ -190,25 +208,119 @@ impl Batch {
         law.respond::<L>(partner, Touch { gap: self.gap[k], n, v_rel, spins, memory: &memory })
     }
 
-    /// Fills the memories of contacts whose rows are `rows`; 0 for a contact without a row.
+    /// Fills the memories of contacts whose rows are `rows`; 0 for a contact without a row. Each memory has
+    /// `width` numbers.
     #[inline(always)]
-    pub fn put_memories(&mut self, rows: &[u32], states: &[f64]) {
-        let states = states.as_chunks::<MEMORY>().0;
+    pub fn put_memories(&mut self, rows: &[u32], states: &[f64], width: usize) {
         for (k, &row) in rows.iter().enumerate() {
-            let [x, y, z] = states.get(row as usize).copied().unwrap_or([0.0; MEMORY]);
-            (self.memory[0][k], self.memory[1][k], self.memory[2][k]) = (x, y, z);
+            let start = row as usize * width;
+            let state = states.get(start..start + width);
+            for c in 0..width {
+                self.memory[c][k] = state.map_or(0.0, |state| state[c]);
+            }
         }
     }
 
-    /// Writes the rates of the memories that `evaluate` found to the rows of the contacts.
+    /// Writes the rates of the memories that `evaluate` and `resist` found to the rows of the contacts.
     #[inline(always)]
-    pub fn take_rates(&self, rows: &[u32], rates: &mut [f64]) {
-        let rates = rates.as_chunks_mut::<MEMORY>().0;
+    pub fn take_rates(&self, rows: &[u32], rates: &mut [f64], width: usize) {
         for (k, &row) in rows.iter().enumerate() {
-            if let Some(rate) = rates.get_mut(row as usize) {
-                *rate = [self.memory[0][k], self.memory[1][k], self.memory[2][k]];
+            let start = row as usize * width;
+            if let Some(rate) = rates.get_mut(start..start + width) {
+                for c in 0..width {
+                    rate[c] = self.memory[c][k];
+                }
             }
         }
+    }
+
+    /// Fills the differences of the spins of contacts, m/s.
+    #[inline(always)]
+    pub fn put_turns(&mut self, differences: impl Iterator<Item = Vec3>) {
+        for (k, difference) in differences.enumerate() {
+            put(&mut self.turns, k, &difference);
+        }
+    }
+
+    /// Moments and rates of `resistance` in the first `count` rows, of which all but those must be set. It
+    /// comes before `evaluate`.
+    ///
+    /// `within` says whether a row with this gap, and this entry in `near`, is within the cutoff.
+    #[inline(always)]
+    pub fn resist<L: Lanes>(
+        &mut self,
+        count: usize,
+        resistance: &Resistance,
+        partner: Partner,
+        within: impl Fn(f64, u64) -> bool,
+    ) {
+        let mut next = SHEAR;
+        self.moment = [[0.0; BATCH]; 3];
+        if let Some(rolling) = &resistance.rolling {
+            for k in 0..Batch::rows(count) {
+                let near = within(self.gap[k], self.near[k]);
+                let memory = Vec3::from_fn(|c, _| self.memory[next + c][k]);
+                let (n, v_rel, spins) = (&self.normal(k), &self.velocity(k), &self.spins::<9>(k));
+                let touch = Touch { gap: self.gap[k], n, v_rel, spins, memory: &memory };
+                let found = resistance.roll::<L>(rolling, partner, touch, &get_vector(&self.turns, k));
+                for c in 0..3 {
+                    self.moment[c][k] = if near { found.moment[c] } else { 0.0 };
+                    self.memory[next + c][k] = if near { found.rate[c] } else { 0.0 };
+                }
+            }
+            next += 3;
+        }
+        if let Some(twisting) = &resistance.twisting {
+            for k in 0..Batch::rows(count) {
+                let near = within(self.gap[k], self.near[k]);
+                let (n, v_rel, spins) = (&self.normal(k), &self.velocity(k), &self.spins::<9>(k));
+                let memory = scaled(self.memory[next][k], n);
+                let touch = Touch { gap: self.gap[k], n, v_rel, spins, memory: &memory };
+                let found = resistance.twist::<L>(twisting, partner, touch, &get_vector(&self.turns, k));
+                for c in 0..3 {
+                    self.moment[c][k] += if near { found.moment[c] } else { 0.0 };
+                }
+                self.memory[next][k] = if near { dot::<L>(&found.rate, n) } else { 0.0 };
+            }
+        }
+    }
+
+    /// Adds the moments of `resist` to the torques of `evaluate` in the first `count` rows. Torques on partners
+    /// differ from now on.
+    #[inline(always)]
+    pub fn add_moments(&mut self, count: usize) {
+        for c in 0..3 {
+            for k in 0..Batch::rows(count) {
+                let (both, moment) = (self.spins[c][k], self.moment[c][k]);
+                self.spins[c][k] = both + moment;
+                self.turns[c][k] = both - moment;
+            }
+        }
+    }
+
+    /// Power that `resistance` dissipates in row `k`, with the unit normal `n`, W. All but that must be set.
+    #[inline(always)]
+    pub fn resisted_power<L: Lanes>(
+        &self,
+        k: usize,
+        resistance: &Resistance,
+        partner: Partner,
+        n: &Vec3,
+    ) -> f64 {
+        let (gap, v_rel, spins) = (self.gap[k], &self.velocity(k), &self.spins::<9>(k));
+        let (difference, mut power, mut next) = (get_vector(&self.turns, k), 0.0, SHEAR);
+        if let Some(rolling) = &resistance.rolling {
+            let memory = &Vec3::from_fn(|c, _| self.memory[next + c][k]);
+            let touch = Touch { gap, n, v_rel, spins, memory };
+            power += resistance.roll::<L>(rolling, partner, touch, &difference).dissipation;
+            next += 3;
+        }
+        if let Some(twisting) = &resistance.twisting {
+            let memory = &scaled(self.memory[next][k], n);
+            let touch = Touch { gap, n, v_rel, spins, memory };
+            power += resistance.twist::<L>(twisting, partner, touch, &difference).dissipation;
+        }
+        power
     }
 
     /// The force in row `k`, after `evaluate`, N.
@@ -226,41 +338,47 @@ impl Batch {
     /// Adds forces and torques of `pairs` to the slopes of their particles.
     ///
     /// Ghosts have no slope here: their own block or rank evaluates the pair too. Returns the number of near
-    /// pairs whose first particle is a ghost.
+    /// pairs whose first particle is a ghost. `moments` says whether torques on partners differ, see
+    /// `add_moments`.
     #[inline(always)]
-    pub fn scatter<L: Lanes, const N: usize>(&self, pairs: &[[u32; 2]], slopes: &mut [[f64; N]]) -> u64 {
+    pub fn scatter<L: Lanes, const N: usize>(
+        &self,
+        pairs: &[[u32; 2]],
+        slopes: &mut [[f64; N]],
+        moments: bool,
+    ) -> u64 {
         let mut elsewhere = 0;
-        let (fours, rest) = pairs.as_chunks::<4>();
-        for (quad, pairs) in fours.iter().enumerate() {
-            let (heads, tails) = self.actions::<L, N>(4 * quad);
-            for p in 0..4 {
-                elsewhere += self.add::<L, N>(4 * quad + p, pairs[p], (heads[p], tails[p]), slopes);
-            }
-        }
-        if !rest.is_empty() {
-            let first = 4 * fours.len();
-            let (heads, tails) = self.actions::<L, N>(first);
-            for (p, &pair) in rest.iter().enumerate() {
-                elsewhere += self.add::<L, N>(first + p, pair, (heads[p], tails[p]), slopes);
+        for (quad, pairs) in pairs.chunks(4).enumerate() {
+            let k = 4 * quad;
+            let (heads, tails) = self.actions::<L, N>(k, &self.spins);
+            let of_partner = if moments { self.actions::<L, N>(k, &self.turns) } else { (heads, tails) };
+            for (p, &pair) in pairs.iter().enumerate() {
+                let sides = [(heads[p], tails[p]), (of_partner.0[p], of_partner.1[p])];
+                elsewhere += self.add::<L, N>(k + p, pair, sides, slopes);
             }
         }
         elsewhere
     }
 
-    /// Forces and torques of the four contacts from row `k` on, as two rows of numbers for each.
+    /// Forces and `torques` of the four contacts from row `k` on, as two rows of numbers for each.
     ///
     /// The first holds the force and the first component of the torque, the second the other two components.
     #[inline(always)]
-    fn actions<L: Lanes, const N: usize>(&self, k: usize) -> ([L::Row; 4], [L::Row; 4]) {
+    fn actions<L: Lanes, const N: usize>(
+        &self,
+        k: usize,
+        torques: &[Column; 3],
+    ) -> ([L::Row; 4], [L::Row; 4]) {
         let get = |column| get::<L>(column, k);
         let zeros = L::row([0.0; 4]);
         let [x, y, z] =
-            if N == 9 { [get(&self.spins[0]), get(&self.spins[1]), get(&self.spins[2])] } else { [zeros; 3] };
+            if N == 9 { [get(&torques[0]), get(&torques[1]), get(&torques[2])] } else { [zeros; 3] };
         let force = [get(&self.n[0]), get(&self.n[1]), get(&self.n[2])];
         (L::transpose([force[0], force[1], force[2], x]), L::transpose([y, z, zeros, zeros]))
     }
 
     /// Adds force and torque of a pair to the slopes of its two particles, as far as these have slopes here.
+    /// `sides` are force on the first particle and torque, for each of the two.
     ///
     /// Returns 1 if the first particle has none and the pair, in row `k`, is near; else 0.
     #[inline(always)]
@@ -268,7 +386,7 @@ impl Batch {
         &self,
         k: usize,
         [i, j]: [u32; 2],
-        (head, tail): (L::Row, L::Row),
+        [(head, tail), (other_head, other_tail)]: [(L::Row, L::Row); 2],
         slopes: &mut [[f64; N]],
     ) -> u64 {
         let mut elsewhere = 0;
@@ -280,11 +398,23 @@ impl Batch {
         }
         if let Some(slope) = slopes.get_mut(j as usize) {
             let signs = L::row([-1.0, -1.0, -1.0, 1.0]);
-            let sum = L::add_products(signs, head, slopes_head::<L, N>(slope));
-            replace::<L, N>(slope, sum, tail);
+            let sum = L::add_products(signs, other_head, slopes_head::<L, N>(slope));
+            replace::<L, N>(slope, sum, other_tail);
         }
         elsewhere
     }
+}
+
+/// The vector in row `k` of three columns.
+#[inline(always)]
+fn get_vector(columns: &[Column; 3], k: usize) -> Vec3 {
+    Vec3::new(columns[0][k], columns[1][k], columns[2][k])
+}
+
+/// Sets the vector in row `k` of three columns.
+#[inline(always)]
+fn put(columns: &mut [Column; 3], k: usize, vector: &Vec3) {
+    (columns[0][k], columns[1][k], columns[2][k]) = (vector.x, vector.y, vector.z);
 }
 
 /// Centre of a body, and the first component of its velocity.

@@ -1,12 +1,13 @@
 //! Numbers of every contact, such as energies, whose maxima or sums over all contacts are wanted.
 
-use super::{BATCH, Batch, Block, distance, rows, spin};
+use super::{BATCH, Batch, Block, differences, distance, rows, spin};
 use crate::math::elementary::Arithmetic;
 use crate::math::instructions::{InstructionSet, Lanes, Vectorised, run};
 use crate::math::vector::{Vec3, scaled, vector};
 use crate::model::columns::{POSITION, VELOCITY, position};
 use crate::model::contact::{AtRest, Energies, Law, Rebound, Tangential};
-use crate::model::history::Partner;
+use crate::model::history::{Partner, SHEAR};
+use crate::model::rolling::Resistance;
 use crate::model::wall::Wall;
 
 /// The contacts of one block to be measured. Over all blocks of all ranks, each contact is measured once.
@@ -95,11 +96,16 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
     fn work<L: Lanes>(self) {
         let Power(law, Survey { r, walls, bodies, block, batch, memories, .. }, take) = self;
         let (bodies, energies) = (rows::<N>(bodies), law.energies());
+        let resistance = law.tangential.resistance();
+        let memory = resistance.map_or(SHEAR, Resistance::memory);
         for (chunk, pairs) in block.near.chunks(BATCH).enumerate() {
             if T::REMEMBERS {
-                batch.put_memories(&block.near_rows[chunk * BATCH..][..pairs.len()], memories);
+                batch.put_memories(&block.near_rows[chunk * BATCH..][..pairs.len()], memories, memory);
             }
             batch.gather::<L, N>(bodies, pairs);
+            if resistance.is_some() {
+                batch.put_turns(differences(bodies, pairs));
+            }
             for k in 0..Batch::rows(pairs.len()) {
                 let apart = batch.normal(k);
                 let (d2, inverse_d) = distance::<L>(&apart);
@@ -110,12 +116,15 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
         }
         for (chunk, contacts) in block.walls.chunks(BATCH).enumerate() {
             if T::REMEMBERS {
-                batch.put_memories(&block.wall_rows[chunk * BATCH..][..contacts.len()], memories);
+                batch.put_memories(&block.wall_rows[chunk * BATCH..][..contacts.len()], memories, memory);
             }
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize], &walls[wall as usize]);
                 batch.gap[k] = wall.depth(&vector(&body[POSITION])) - r;
                 batch.put::<N>(k, &-wall.normal, &vector(&body[VELOCITY]), &spin(body));
+            }
+            if resistance.is_some() {
+                batch.put_turns(contacts.iter().map(|&[i, _]| spin(&bodies[i as usize])));
             }
             for k in 0..Batch::rows(contacts.len()) {
                 let n = batch.normal(k);
@@ -137,7 +146,10 @@ fn put_power<L: Lanes, R: Rebound, T: Tangential, const N: usize>(
 ) {
     let gap = batch.gap[k];
     if T::REMEMBERS {
-        let power = batch.respond::<L, R, T, N>(k, energies.law, partner, n).dissipation;
+        let mut power = batch.respond::<L, R, T, N>(k, energies.law, partner, n).dissipation;
+        if let Some(resistance) = energies.law.tangential.resistance() {
+            power[1] += batch.resisted_power::<L>(k, resistance, partner, n);
+        }
         let far = gap > energies.law.parameters.l_max;
         return batch.put_numbers(k, power.map(|power| if far { 0.0 } else { power }));
     }

@@ -3,8 +3,9 @@
 //! The effects of a scene are types here, and only here: rebound, friction, and whether spheres rotate. One
 //! [`Kernel`] has all of them compiled in; whoever calls it sees rows of numbers.
 //!
-//! There are ten kernels: with or without loss on rebound, times no friction, the paper's friction or the one
-//! that remembers, each of the two with or without rotation. Each is compiled for three instruction sets.
+//! There are twelve kernels: with or without loss on rebound, times no friction, the paper's friction or the
+//! one that remembers, each of the two with or without rotation, or the one that remembers with resistance to
+//! rolling and twisting. Each is compiled for three instruction sets.
 //!
 //! Contacts are gathered into columns. One loop evaluates them, which the compiler turns into vector
 //! instructions. The results are added to the particles one after the other.
@@ -18,10 +19,13 @@ use crate::math::instructions::{InstructionSet, Lanes, Vectorised, run};
 use crate::math::vector::{Vec3, dot, minus, scaled, vector};
 use crate::model::columns::{POSITION, SPIN, VELOCITY};
 use crate::model::contact::{
-    Action, Coulomb, Dissipative, Elastic, Frictionless, Law, LawParameters, Rebound, Tangential, Turning,
+    Action, Coulomb, Dissipative, Elastic, Frictionless, Law, LawParameters, Rebound, Resisting, Tangential,
+    Turning,
 };
+use crate::model::dahl::Dahl;
 use crate::model::effects::{Effects, Variant};
-use crate::model::history::{History, MEMORY, Partner, Touch};
+use crate::model::history::{History, Partner, SHEAR, Touch};
+use crate::model::rolling::Resistance;
 use crate::model::wall::Wall;
 pub use batch::Batch;
 pub use measure::{GapMeasure, Survey, Take, measure_gaps};
@@ -77,12 +81,19 @@ impl Memories<'_> {
 pub trait Kernel: Send + Sync {
     /// Numbers in a row of the state.
     fn width(&self) -> usize;
-    /// Numbers in the memory of a contact; 0 for a law without memory.
-    fn memory(&self) -> usize;
+    /// The elements of a contact, with how many numbers each has in its memory, in their order; none for a law
+    /// without memory.
+    fn elements(&self) -> &[(usize, Dahl)];
+    /// Numbers in the memory of a contact. Threes of them are vectors, which change sign when its bodies change
+    /// places; what is left over are numbers that do not.
+    fn memory(&self) -> usize {
+        self.elements().iter().map(|(numbers, _)| numbers).sum()
+    }
     /// Energy that the `memory` of a contact stores, J.
     fn stored_in_memory(&self, memory: &[f64]) -> f64;
-    /// Rate of the memory of a contact whose memory is 0, 1/s; arguments as for `action`.
-    fn first_rate(&self, partner: Partner, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> [f64; MEMORY];
+    /// Adds the rate of the memory of a contact whose memory is 0 to `rates`, 1/s. `difference` is s_i - s_j
+    /// (m/s).
+    fn add_first_rate(&self, partner: Partner, touch: Touch, difference: &Vec3, rates: &mut Vec<f64>);
     /// The parameters of the law.
     fn law(&self) -> LawParameters;
     /// From now on contacts are evaluated up to `gap` (m).
@@ -156,7 +167,11 @@ fn with_rebound<R: Rebound>(
         (Variant::FrictionRotation, None) => compiled(law, rebound, Turning(friction), set),
         (Variant::Friction, Some(memory)) => compiled(law, rebound, History::new(&law, memory, false), set),
         (Variant::FrictionRotation, Some(memory)) => {
-            compiled(law, rebound, Turning(History::new(&law, memory, true)), set)
+            let friction = History::new(&law, memory, true);
+            match Resistance::new(&law, &memory) {
+                None => compiled(law, rebound, Turning(friction), set),
+                Some(resistance) => compiled(law, rebound, Resisting { friction, resistance }, set),
+            }
         }
     }
 }
@@ -185,17 +200,19 @@ pub fn compiled<R: Rebound, T: Tangential>(
     tangential: T,
     set: InstructionSet,
 ) -> Box<dyn Kernel> {
+    let elements = tangential.elements();
     let law = Law { parameters: law, rebound, tangential };
     if T::TURNS {
-        Box::new(Compiled::<R, T, { SPIN.end }> { law, set })
+        Box::new(Compiled::<R, T, { SPIN.end }> { law, elements, set })
     } else {
-        Box::new(Compiled::<R, T, { VELOCITY.end }> { law, set })
+        Box::new(Compiled::<R, T, { VELOCITY.end }> { law, elements, set })
     }
 }
 
 /// A kernel for one combination of effects.
 struct Compiled<R, T, const N: usize> {
     law: Law<R, T>,
+    elements: Vec<(usize, Dahl)>,
     set: InstructionSet,
 }
 
@@ -216,18 +233,29 @@ impl<R: Rebound, T: Tangential, const N: usize> Kernel for Compiled<R, T, N> {
         N
     }
 
-    fn memory(&self) -> usize {
-        if T::REMEMBERS { MEMORY } else { 0 }
+    fn elements(&self) -> &[(usize, Dahl)] {
+        &self.elements
     }
 
     fn stored_in_memory(&self, memory: &[f64]) -> f64 {
-        let square: f64 = memory.iter().map(|number| number * number).sum();
-        0.5 * self.law.tangential.stiffness() * square
+        let mut rest = memory;
+        let energies = self.elements.iter().map(|(numbers, element)| {
+            let (own, behind) = rest.split_at(*numbers);
+            rest = behind;
+            0.5 * element.stiffness() * own.iter().map(|number| number * number).sum::<f64>()
+        });
+        energies.sum()
     }
 
-    fn first_rate(&self, partner: Partner, gap: f64, n: &Vec3, v_rel: &Vec3, spins: &Vec3) -> [f64; MEMORY] {
-        let touch = Touch { gap, n, v_rel, spins, memory: &Vec3::zeros() };
-        self.law.respond::<Separate>(partner, touch).rate.into()
+    fn add_first_rate(&self, partner: Partner, touch: Touch, difference: &Vec3, rates: &mut Vec<f64>) {
+        rates.extend(&self.law.respond::<Separate>(partner, touch).rate);
+        let Some(resistance) = self.law.tangential.resistance() else { return };
+        if let Some(rolling) = &resistance.rolling {
+            rates.extend(&resistance.roll::<Separate>(rolling, partner, touch, difference).rate);
+        }
+        if let Some(twisting) = &resistance.twisting {
+            rates.push(resistance.twist::<Separate>(twisting, partner, touch, difference).rate.dot(touch.n));
+        }
     }
 
     fn law(&self) -> LawParameters {
@@ -311,6 +339,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Walls<'_, R, T, N
         let Walls(law, first, contacts, walls, Sweep { bodies, batch, slopes, memories }) = self;
         let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
         let LawParameters { r, l_max, .. } = law.parameters;
+        let memory = law.tangential.resistance().map_or(SHEAR, Resistance::memory);
         for (chunk, contacts) in contacts.chunks(BATCH).enumerate() {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize - first], &walls[wall as usize]);
@@ -320,13 +349,20 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Walls<'_, R, T, N
             }
             let rows = own_rows(&memories, chunk * BATCH, contacts.len());
             if T::REMEMBERS {
-                batch.put_memories(rows, memories.states);
+                batch.put_memories(rows, memories.states, memory);
+            }
+            if let Some(resistance) = law.tangential.resistance() {
+                batch.put_turns(contacts.iter().map(|&[i, _]| spin(&bodies[i as usize - first])));
+                batch.resist::<L>(contacts.len(), resistance, Partner::Wall, |gap, _| gap <= l_max);
             }
             for k in 0..Batch::rows(contacts.len()) {
                 batch.evaluate::<L, R, T, N>(k, law, Partner::Wall, batch.gap[k] <= l_max);
             }
             if T::REMEMBERS {
-                batch.take_rates(rows, memories.rates);
+                batch.take_rates(rows, memories.rates, memory);
+            }
+            if law.tangential.resistance().is_some() {
+                batch.add_moments(contacts.len());
             }
             for (k, &[i, _]) in contacts.iter().enumerate() {
                 let slope = &mut slopes[i as usize - first];
@@ -351,12 +387,13 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
         let Pairs(law, pairs, Sweep { bodies, batch, slopes, memories }) = self;
         let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
         let LawParameters { r, l_max, .. } = law.parameters;
+        let memory = law.tangential.resistance().map_or(SHEAR, Resistance::memory);
         let cutoff = 2.0 * r + l_max;
         let mut count = 0;
         for (chunk, pairs) in pairs.chunks(BATCH).enumerate() {
             let rows = own_rows(&memories, chunk * BATCH, pairs.len());
             if T::REMEMBERS {
-                batch.put_memories(rows, memories.states);
+                batch.put_memories(rows, memories.states, memory);
             }
             batch.gather::<L, N>(bodies, pairs);
             for k in 0..Batch::rows(pairs.len()) {
@@ -368,19 +405,33 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
                 batch.near[k] = u64::from(!far);
                 batch.put_normal(k, &scaled(inverse_d, &apart));
             }
+            if let Some(resistance) = law.tangential.resistance() {
+                batch.put_turns(differences(bodies, pairs));
+                batch.resist::<L>(pairs.len(), resistance, Partner::Sphere, |_, near| near != 0);
+            }
             // A separate loop. Together with the distances, more operations would wait for each other than
             // the processor can look ahead.
             for k in 0..Batch::rows(pairs.len()) {
                 batch.evaluate::<L, R, T, N>(k, law, Partner::Sphere, batch.near[k] != 0);
             }
             if T::REMEMBERS {
-                batch.take_rates(rows, memories.rates);
+                batch.take_rates(rows, memories.rates, memory);
+            }
+            let moments = law.tangential.resistance().is_some();
+            if moments {
+                batch.add_moments(pairs.len());
             }
             let near: u64 = batch.near[..pairs.len()].iter().sum();
-            count += near - batch.scatter::<L, N>(pairs, slopes);
+            count += near - batch.scatter::<L, N>(pairs, slopes, moments);
         }
         count
     }
+}
+
+/// Differences of the spins of `pairs`, m/s.
+#[inline(always)]
+fn differences<const N: usize>(bodies: &[[f64; N]], pairs: &[[u32; 2]]) -> impl Iterator<Item = Vec3> {
+    pairs.iter().map(|&[i, j]| spin(&bodies[i as usize]) - spin(&bodies[j as usize]))
 }
 
 /// The rows of `count` contacts from `first` on; none where the law has no memory.

@@ -5,6 +5,7 @@ use crate::engine::forces::BodyParameters;
 use crate::engine::neighbors::{Lists, Order};
 use crate::math::elementary::Fused;
 use crate::model::columns::{position, spin, velocity};
+use crate::model::history::MemoryParameters;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -140,6 +141,179 @@ fn check(effects: Effects) {
 #[test]
 fn any_blocks_and_all_sets_with_fused_operations_give_the_same_bits() {
     all_effects().for_each(check);
+}
+
+/// What a contact does by [`Law::respond`] and the resistances, contact by contact: force, torques on both
+/// partners over the radius (N), rates (1/s), and the power of friction (W).
+fn one_by_one(
+    (law, resistance): (&Law<Dissipative, History>, Option<&Resistance>),
+    partner: Partner,
+    touch: Touch,
+    difference: &Vec3,
+    memory: &[f64],
+) -> (Vec3, [Vec3; 2], Vec<f64>, f64) {
+    let found = law.respond::<Separate>(partner, Touch { memory: &vector(&memory[..3]), ..touch });
+    let (mut turnings, mut power) = ([found.turning; 2], found.dissipation[1]);
+    let mut rates: Vec<f64> = found.rate.iter().copied().collect();
+    let mut add = |moment: crate::model::rolling::Moment| {
+        turnings[0] += moment.moment;
+        turnings[1] -= moment.moment;
+        power += moment.dissipation;
+        moment.rate
+    };
+    if let Some(resistance) = resistance {
+        if let Some(rolling) = &resistance.rolling {
+            let touch = Touch { memory: &vector(&memory[3..6]), ..touch };
+            rates.extend(&add(resistance.roll::<Separate>(rolling, partner, touch, difference)));
+        }
+        if let Some(twisting) = &resistance.twisting {
+            let touch = Touch { memory: &(touch.n * memory[memory.len() - 1]), ..touch };
+            let rate = add(resistance.twist::<Separate>(twisting, partner, touch, difference));
+            rates.push(rate.dot(touch.n));
+        }
+    }
+    (found.force, turnings, rates, power)
+}
+
+/// Numbers in -1..1 for the contact of bodies `a` and `b`, or of body `a` with wall `b` - 1000, as `a` sees it.
+fn memory_of(a: usize, b: usize, numbers: usize) -> Vec<f64> {
+    let mut random = ChaCha8Rng::seed_from_u64((a.min(b) * 2000 + a.max(b)) as u64);
+    turned_round(a > b, (0..numbers).map(|_| 2.0 * random.random::<f64>() - 1.0).collect())
+}
+
+/// A memory, or its rate, as the other body sees it if `turned`: vectors are reversed, a twist is the same.
+fn turned_round(turned: bool, mut memory: Vec<f64>) -> Vec<f64> {
+    let vectors = memory.len() / 3 * 3;
+    memory[..vectors].iter_mut().filter(|_| turned).for_each(|number| *number = -*number);
+    memory
+}
+
+/// Slopes of all bodies, the rate of every contact by its bodies, and the power of friction in units of 2^-40.
+fn remembered(kernel: &dyn Kernel, blocks: usize) -> (Vec<f64>, Vec<([usize; 2], Vec<f64>)>, i128) {
+    let (width, numbers, parameters) = (kernel.width(), kernel.memory(), parameters());
+    let (bodies, mut lists) = cloud(width, 300, blocks);
+    let (mut slopes, mut rates, mut power) = (vec![0.0; bodies.len()], Vec::new(), 0);
+    for block in &mut lists.blocks {
+        let bodies = &seated(block, &bodies, width);
+        let pairs = block.near.iter().map(|&[i, j]| [block.index(i), block.index(j)]);
+        let walls = block.walls.iter().map(|&[i, wall]| [block.index(i), 1000 + wall as usize]);
+        let keys: Vec<_> = pairs.chain(walls).collect();
+        let states: Vec<f64> = keys.iter().flat_map(|&[a, b]| memory_of(a, b, numbers)).collect();
+        let of_walls: Vec<u32> = (block.near.len() as u32..keys.len() as u32).collect();
+        let of_pairs: Vec<u32> = (0..block.near.len() as u32).collect();
+        let mut found = vec![0.0; states.len()];
+        let slopes = &mut slopes[block.range.start * width..block.range.end * width];
+        kernel.start_slopes(&bodies[..slopes.len()], slopes);
+        let batch = &mut Batch::default();
+        let memories = Memories { rows: &of_walls, states: &states, rates: &mut found };
+        let sweep = Sweep { bodies, batch, slopes: &mut *slopes, memories };
+        kernel.add_walls(0, &block.walls, &parameters.walls, sweep);
+        let batch = &mut Batch::default();
+        let memories = Memories { rows: &of_pairs, states: &states, rates: &mut found };
+        kernel.add_pairs(&block.near, Sweep { bodies, batch, slopes: &mut *slopes, memories });
+        kernel.finish(&parameters.inertia(0.1), slopes);
+        rates.extend(
+            keys.iter()
+                .zip(found.chunks_exact(numbers))
+                .map(|(&[a, b], rate)| ([a.min(b), a.max(b)], turned_round(a > b, rate.to_vec()))),
+        );
+        (block.near_rows, block.wall_rows) = (of_pairs, of_walls);
+        let batch = &mut Batch::default();
+        let (walls, block, memories) = (&parameters.walls[..], &*block, &states[..]);
+        let survey = Survey { r: 0.1, walls, bodies, width, block, batch, memories };
+        kernel.measure_dissipation(survey, &mut |[_, friction]: [&[f64]; 2]| {
+            power += friction.iter().map(|w| (w * 2f64.powi(40)).round() as i128).sum::<i128>();
+        });
+    }
+    // A pair of two blocks has two rows.
+    rates.sort_by_key(|(key, _)| *key);
+    rates.dedup();
+    (slopes, rates, power)
+}
+
+fn check_memory(resistance: [f64; 2], numbers: usize) {
+    let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 0.7, mass: 2.5, resistance };
+    let law = LawParameters { memory: Some(memory), ..LAW };
+    let effects = Effects { variant: Variant::FrictionRotation, dissipative: true };
+    let (rebound, tangential) = (Dissipative::new(law.e, law.psi), History::new(&law, memory, true));
+    let resistance = Resistance::new(&law, &memory);
+    let alone = Law { parameters: law, rebound, tangential };
+    let contact = |partner, touch: Touch, difference: &Vec3, memory: &[f64]| {
+        one_by_one((&alone, resistance.as_ref()), partner, touch, difference, memory)
+    };
+    let (bodies, _) = cloud(9, 300, 1);
+    let rows: Vec<&[f64]> = bodies.chunks_exact(9).collect();
+    let (mut forces, mut turnings, mut power) = ([Vec3::zeros(); 300], [Vec3::zeros(); 300], 0.0);
+    let mut rates = Vec::new();
+    for (i, a) in rows.iter().enumerate() {
+        for (k, wall) in parameters().walls.iter().enumerate() {
+            let gap = wall.depth(&position(a)) - 0.1;
+            if gap <= law.l_max {
+                let (n, v_rel, spins, memory) = (&-wall.normal, &velocity(a), &spin(a), &Vec3::zeros());
+                let touch = Touch { gap, n, v_rel, spins, memory };
+                let found = contact(Partner::Wall, touch, spins, &memory_of(i, 1000 + k, numbers));
+                forces[i] += found.0;
+                turnings[i] += found.1[0];
+                rates.push(([i, 1000 + k], found.2));
+                power += found.3;
+            }
+        }
+        for (j, b) in rows.iter().enumerate().skip(i + 1) {
+            let apart = position(a) - position(b);
+            let gap = apart.norm() - 0.2;
+            if gap <= law.l_max {
+                let (n, v_rel, spins) =
+                    (&apart.normalize(), &(velocity(a) - velocity(b)), &(spin(a) + spin(b)));
+                let touch = Touch { gap, n, v_rel, spins, memory: &Vec3::zeros() };
+                let memory = memory_of(i, j, numbers);
+                let found = contact(Partner::Sphere, touch, &(spin(a) - spin(b)), &memory);
+                forces[i] += found.0;
+                forces[j] -= found.0;
+                turnings[i] += found.1[0];
+                turnings[j] += found.1[1];
+                rates.push(([i, j], found.2));
+                power += found.3;
+            }
+        }
+    }
+    rates.sort_by_key(|(key, _)| *key);
+    let mut bits = Vec::new();
+    for set in InstructionSet::available() {
+        let kernel = kernel(effects, law, set);
+        assert_eq!(kernel.memory(), numbers);
+        let reference = remembered(&*kernel, 1);
+        for (i, slope) in reference.0.chunks_exact(9).enumerate() {
+            let force = forces[i] / 2.5 + parameters().gravity;
+            let turning = turnings[i] * (0.01 * 40.0);
+            let off = (velocity(slope) - force).norm() / force.norm();
+            assert!(off <= 1e-11, "{i}: {off} {}", set.name());
+            assert!((spin(slope) - turning).norm() <= 1e-11 * turning.norm().max(force.norm()));
+        }
+        // Contacts beyond the cutoff, which are listed, have no rates.
+        let moving = reference.1.iter().filter(|(_, rate)| rate.iter().any(|number| *number != 0.0));
+        let moving: Vec<_> = moving.collect();
+        assert_eq!(moving.len(), rates.len());
+        for ((found_key, found), (key, rate)) in moving.into_iter().zip(&rates) {
+            assert_eq!(found_key, key);
+            let largest = rate.iter().fold(0.0f64, |most, number| most.max(number.abs()));
+            let agrees = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-10 * largest;
+            assert!(found.iter().zip(rate).all(agrees), "{found:?} {rate:?}");
+        }
+        let sum = reference.2 as f64 * 2f64.powi(-40);
+        assert!((sum - power).abs() <= 1e-9 * power, "{sum} {power}");
+        for blocks in [2, 7] {
+            assert!(remembered(&*kernel, blocks) == reference, "other bits: {}, {blocks}", set.name());
+        }
+        bits.push(reference);
+    }
+    assert!(bits[1..].windows(2).all(|sets| sets[0] == sets[1]));
+}
+
+#[test]
+fn contacts_that_remember_are_summed_alike_by_any_blocks_and_sets() {
+    for (resistance, numbers) in [([0.0; 2], 3), ([0.05, 0.0], 6), ([0.0, 0.02], 4), ([0.05, 0.02], 7)] {
+        check_memory(resistance, numbers);
+    }
 }
 
 /// What is measured.

@@ -59,8 +59,9 @@ pub struct Snapshot<'a> {
     pub slope: &'a [f64],
     /// The stiffest direction; empty unless known.
     pub direction: &'a [f64],
-    /// Contacts for which a row of `contacts` has room; 0 without friction that remembers.
-    pub contact_slots: u64,
+    /// Contacts for which a row of `contacts` has room, and the numbers in the memory of each; 0 without
+    /// friction that remembers.
+    pub contact_slots: [u64; 2],
     /// Memories of the contacts of the owned particles; see [`ContactRecords`].
     pub contacts: &'a [f64],
 }
@@ -80,8 +81,9 @@ pub struct Remembered {
     pub slope: Vec<f64>,
     /// The stiffest direction; empty unless known.
     pub direction: Vec<f64>,
-    /// Contacts for which a row of `contacts` has room; 0 without friction that remembers.
-    pub contact_slots: u64,
+    /// Contacts for which a row of `contacts` has room, and the numbers in the memory of each; 0 without
+    /// friction that remembers.
+    pub contact_slots: [u64; 2],
     /// Memories of the contacts of these particles; see [`ContactRecords`].
     pub contacts: Vec<f64>,
 }
@@ -137,9 +139,9 @@ impl<'c> Simulation<'c> {
         let particles = Particles { ids: ids.clone().collect(), columns, constants, y: &mut at_origin };
         let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut companions)?;
         dynamics.remember_within(cutoff(scene, scale));
-        let slots = remembered.contact_slots as usize;
+        let [slots, numbers] = remembered.contact_slots.map(|number| number as usize);
         let (first, vectors) = (ids.start, companions.len());
-        let records = ContactRecords::from_table(first, &remembered.contacts, slots, vectors);
+        let records = ContactRecords::from_table(first, &remembered.contacts, slots, [vectors, numbers]);
         dynamics.restore_contacts(records, &mut companions);
         let Progress { counts, .. } = memory.progress;
         dynamics.go_on_from(counts.rebuilds, counts.pairs);

@@ -164,7 +164,7 @@ impl Simulation<'_> {
         let [state, slope, direction] = vectors.map(|vector| &vector[..particles.min(vector.len())]);
         observer.checkpoint(&Snapshot {
             memory,
-            contact_slots: contact_slots as u64,
+            contact_slots: contact_slots.map(|number| number as u64),
             contacts: &contacts,
             count: dynamics.count(),
             ids: dynamics.ids(),

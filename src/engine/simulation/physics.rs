@@ -6,7 +6,6 @@ use crate::engine::kernel::{Kernel, kernel};
 use crate::math::instructions::InstructionSet;
 use crate::model::columns::{Changes, Columns};
 use crate::model::effects::{Effects, Variant};
-use crate::model::history::{History, MEMORY};
 use crate::ode::integrator::{AutoPlan, Integrator};
 use crate::ode::{DORMAND_PRINCE, MERSON, MethodName, Norm, NormName, StepControl, StepRule};
 use crate::scene::{Scene, effects};
@@ -57,8 +56,12 @@ pub(super) fn error_control(
         // The memory of a contact with the typical force m v^2/r is compared with its limit. In the published
         // norm the shear counts as a length.
         let typical = memory.mass * scale * scale / (r * law.f_0);
-        let weight = if paper { History::new(&law, memory, true).full_shear() } else { 1.0 / typical.sqrt() };
-        weights.push(vec![weight; MEMORY]);
+        let elements = scene_kernel(scene, InstructionSet::Baseline);
+        let weights_of = elements.elements().iter().flat_map(|(numbers, element)| {
+            let weight = if paper { element.full } else { 1.0 / typical.sqrt() };
+            std::iter::repeat_n(weight, *numbers)
+        });
+        weights.push(weights_of.collect());
     }
     let control = match solver.step {
         Some(step) => StepControl::new(StepRule::Fixed, 1.0, step, step),

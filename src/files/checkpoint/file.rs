@@ -3,7 +3,6 @@
 use super::{FORMAT, Header};
 use crate::engine::simulation::Memory;
 use crate::model::columns::Changes;
-use crate::model::history::MEMORY;
 use std::ops::Range;
 
 /// The first bytes of every checkpoint.
@@ -40,7 +39,8 @@ impl Layout {
         let Memory { slope_known, direction_known, .. } = of.memory;
         let vectors = 1 + u64::from(slope_known) + u64::from(direction_known);
         // The other particle of a contact, and the memory in every vector.
-        let contacts = of.contact_slots.saturating_mul(1 + MEMORY as u64 * vectors);
+        let [slots, numbers] = of.contact_slots;
+        let contacts = slots.saturating_mul(1 + numbers * vectors);
         let widths = [state, constants, 3, known(slope_known), known(direction_known), contacts];
         Layout { header, count: of.count, widths, parts }
     }

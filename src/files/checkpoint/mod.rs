@@ -17,7 +17,6 @@ mod write;
 
 use crate::engine::simulation::{FrameSummary, Memory};
 use crate::model::columns::{Changes, Columns};
-use crate::model::history::MEMORY;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -25,7 +24,7 @@ pub use read::{look, read, verify};
 pub use write::write;
 
 /// Version of the file format. The program reads no other one.
-pub const FORMAT: u32 = 4;
+pub const FORMAT: u32 = 5;
 
 /// Everything in a checkpoint except the particles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,8 +41,9 @@ pub struct Header {
     pub count: u64,
     /// What a particle carries.
     pub columns: Columns,
-    /// Contacts of a particle whose memories have room in its row; 0 without friction that remembers.
-    pub contact_slots: u64,
+    /// Contacts of a particle whose memories have room in its row, and the numbers in the memory of each; 0
+    /// without friction that remembers.
+    pub contact_slots: [u64; 2],
     /// Speed that scales errors of velocity, m/s.
     pub velocity_scale: f64,
     /// Wall time of the run so far, s.
@@ -102,12 +102,12 @@ pub fn clear(output: &Path) {
     let _ = std::fs::remove_file(stop_file(output));
 }
 
-/// Upper bound of the size of one checkpoint of `count` particles, bytes. `remembers` says whether contacts
-/// have a memory.
-pub fn bytes(count: u64, columns: &Columns, remembers: bool) -> u64 {
+/// Upper bound of the size of one checkpoint of `count` particles, bytes. The memory of a contact has `memory`
+/// numbers.
+pub fn bytes(count: u64, columns: &Columns, memory: usize) -> u64 {
     // As many contacts as equal spheres within the usual cutoff can have, each with the other id and with its
     // memory in three vectors.
-    let contacts = if remembers { 24 * (1 + 3 * MEMORY as u64) } else { 0 };
+    let contacts = if memory > 0 { 24 * (1 + 3 * memory as u64) } else { 0 };
     let [state, constants] = [Changes::EveryStage, Changes::WithLists].map(|changes| columns.width(changes));
     let numbers = 3 + (3 * state + constants) as u64 + contacts;
     // 64 KiB for the header and the table.

@@ -119,8 +119,9 @@ fn head(file: &File) -> Result<(Header, Layout), String> {
         return Err(format!("it is cut off: {} particles in a file of {there} bytes", header.count));
     }
     // Every contact takes at least 32 bytes of every particle.
-    if header.contact_slots > there / 32 {
-        return Err(format!("it is cut off: {} contacts a particle", header.contact_slots));
+    let [slots, numbers] = header.contact_slots;
+    if slots > there / 32 || numbers > there / 8 {
+        return Err(format!("it is cut off: {slots} contacts a particle, each with {numbers} numbers"));
     }
     let layout = Layout::new(&header, length, parts);
     if layout.length() != there {
