@@ -1,5 +1,6 @@
 //! What a scene calls for: kernel, body parameters, norm, step control and methods.
 
+use super::tolerance::tolerance;
 use crate::engine::forces::BodyParameters;
 use crate::engine::kernel::{Kernel, kernel};
 use crate::math::instructions::InstructionSet;
@@ -36,8 +37,13 @@ pub fn parameters(scene: &Scene) -> BodyParameters {
     }
 }
 
-/// How errors are measured and step sizes chosen. Velocities are compared with `scale` (m/s).
-pub(super) fn error_control(scene: &Scene, scale: f64, columns: &Columns) -> (Norm, StepControl) {
+/// How errors of `count` spheres are measured and step sizes chosen. Velocities are compared with `scale`
+/// (m/s).
+pub(super) fn error_control(
+    scene: &Scene,
+    (scale, count): (f64, u64),
+    columns: &Columns,
+) -> (Norm, StepControl) {
     let (solver, r) = (&scene.solver, scene.particles.radius);
     let paper = solver.norm == NormName::Paper;
     // Positions over the radius, velocities and spins over the scale. The published norm is that of angular
@@ -61,7 +67,7 @@ pub(super) fn error_control(scene: &Scene, scale: f64, columns: &Columns) -> (No
         Some(step) => StepControl::new(StepRule::Fixed, 1.0, step, step),
         None => {
             let rule = if paper { StepRule::Published } else { StepRule::ProportionalIntegral };
-            let tolerance = solver.tolerance.unwrap_or(crate::scene::DEFAULT_TOLERANCE) * tightening(scene);
+            let tolerance = tolerance(scene, scale, count) * tightening(scene);
             StepControl::new(rule, tolerance, solver.min_step, solver.max_step)
         }
     };
