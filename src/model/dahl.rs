@@ -91,9 +91,10 @@ impl Dahl {
         let held = at_most(1.0, s * inverse_p);
         let strength = -self.limit * (s * w);
         let force = scaled(strength, &add_scaled::<A>(held, p, &drag));
-        // Beyond the limit, where no exact solution is, the wear goes on with the same slope.
+        // Beyond the limit, where no exact solution is, the wear goes on with the same slope, up to 2: where
+        // surfaces part, s falls below what the error of a step leaves in p, and rates must not grow with it.
         let above = at_least(0.0, A::add_product(2.0, q, -1.0));
-        let g = if q < 1.0 { above * above } else { A::add_product(4.0, q, -3.0) };
+        let g = if q < 1.0 { above * above } else { at_most(2.0, A::add_product(4.0, q, -3.0)) };
         let per_way = s * self.inverse_full;
         let growth = A::add_product(per_way, dot::<A>(t, p), self.half_kappa * opening * p2);
         let wear = g * at_least(0.0, growth) * (inverse_p * inverse_p);

@@ -28,7 +28,7 @@ const TIGHT: &str = "
 ";
 
 /// A scene and its particles, put together in the words of the scene file.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct Case {
     name: String,
     text: String,

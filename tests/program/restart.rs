@@ -36,19 +36,25 @@ contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution
 const FRAMES: usize = 151;
 
 /// The run that nobody disturbed.
-static WHOLE: LazyLock<Results> = LazyLock::new(|| {
-    let folder = folder();
+static WHOLE: LazyLock<Results> = LazyLock::new(|| undisturbed(&folder()));
+
+/// What the scene in `folder` gives where nobody disturbs it.
+fn undisturbed(folder: &TempDir) -> Results {
     Job::alone(folder.path(), &["scene.toml", "-q"]).run().with_code(0);
     // The file stays open when its name has gone.
     let results = Results::open(&folder.path().join("scene.vtkhdf"));
     assert_eq!(results.frames(), FRAMES);
     results
-});
+}
 
 /// A folder with the scene.
 fn folder() -> TempDir {
+    folder_of(SCENE)
+}
+
+fn folder_of(scene: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
-    fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
+    fs::write(folder.path().join("scene.toml"), scene).unwrap();
     folder
 }
 
@@ -81,10 +87,15 @@ fn resumed(ranks: usize, folder: &Path, more: &[&str]) -> Ended {
 /// Takes up the run in `folder` and insists on the bits of the run that nobody disturbed.
 #[track_caller]
 fn assert_goes_on(ranks: usize, folder: &Path, what: &str) -> Ended {
+    assert_goes_on_to(&WHOLE, ranks, folder, what)
+}
+
+#[track_caller]
+fn assert_goes_on_to(whole: &Results, ranks: usize, folder: &Path, what: &str) -> Ended {
     let ended = resumed(ranks, folder, &[]).with_code(0);
     let results = Results::open(&folder.join("scene.vtkhdf"));
     assert_eq!((results.frames(), results.count("completed")), (FRAMES, 1), "{what}: {}", ended.stderr);
-    assert_same_bits(&WHOLE, &results, what);
+    assert_same_bits(whole, &results, what);
     ended
 }
 
@@ -207,6 +218,28 @@ fn a_rank_that_is_killed_at_any_time_costs_nothing_that_was_on_the_disk() {
         assert_goes_on([0, 1, 3][round % 3], folder.path(), &format!("round {round}, {frames} frames"));
     }
     println!("{KILLS} ranks killed, {KILLS} runs taken up again, none lost");
+}
+
+#[test]
+fn a_rank_of_a_run_whose_contacts_remember_is_killed_and_nothing_is_forgotten() {
+    let (law, method) = ("law = 'history', coefficient = 0.3", "\nsolver.method = 'merson'");
+    let remembering = SCENE.replace("coefficient = 0.2, regularization_velocity = 0.01", law);
+    // The default method, and one that has memories of contacts far away.
+    for (scene, frames, ranks) in
+        [(remembering.clone(), [40, 110], [0, 3]), (remembering + method, [75, 120], [3, 1])]
+    {
+        let whole = undisturbed(&folder_of(&scene));
+        for (victim, (frames, ranks)) in frames.into_iter().zip(ranks).enumerate() {
+            let folder = folder_of(&scene);
+            let mut job = started(2, folder.path(), frames);
+            kill(job.process_of(victim));
+            job.must_end_within(DEADLINE);
+            assert_ne!(job.end().code, 0);
+            let what = format!("rank {victim} killed after {frames} frames");
+            let ended = assert_goes_on_to(&whole, ranks, folder.path(), &what);
+            assert!(ended.stderr.contains("scene.vtkhdf goes on from t = 0."), "{what}: {}", ended.stderr);
+        }
+    }
 }
 
 #[test]

@@ -227,8 +227,8 @@ impl Batch {
         for (k, &row) in rows.iter().enumerate() {
             let start = row as usize * width;
             if let Some(rate) = rates.get_mut(start..start + width) {
-                for c in 0..width {
-                    rate[c] = self.memory[c][k];
+                for (number, component) in rate.iter_mut().zip(&self.memory) {
+                    *number = component[k];
                 }
             }
         }

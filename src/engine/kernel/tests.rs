@@ -189,7 +189,9 @@ fn turned_round(turned: bool, mut memory: Vec<f64>) -> Vec<f64> {
 }
 
 /// Slopes of all bodies, the rate of every contact by its bodies, and the power of friction in units of 2^-40.
-fn remembered(kernel: &dyn Kernel, blocks: usize) -> (Vec<f64>, Vec<([usize; 2], Vec<f64>)>, i128) {
+type Remembered = (Vec<f64>, Vec<([usize; 2], Vec<f64>)>, i128);
+
+fn remembered(kernel: &dyn Kernel, blocks: usize) -> Remembered {
     let (width, numbers, parameters) = (kernel.width(), kernel.memory(), parameters());
     let (bodies, mut lists) = cloud(width, 300, blocks);
     let (mut slopes, mut rates, mut power) = (vec![0.0; bodies.len()], Vec::new(), 0);

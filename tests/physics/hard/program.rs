@@ -18,6 +18,7 @@ fn the_program_ends_hard_cases_on_three_ranks_with_the_stated_code_and_warning()
         "coincident",
         "outside",
         "tolerance-1e-14-scaled",
+        "memory-corner",
     ] {
         let case = Case::read(name);
         let folder = tempfile::tempdir().unwrap();

@@ -59,7 +59,7 @@ pub fn cases() -> Vec<Case> {
     let mut files: Vec<_> = std::fs::read_dir(folder()).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.retain(|file| file.extension().is_some_and(|extension| extension == "toml"));
     files.sort();
-    assert!(files.len() >= 45, "{} scenes", files.len());
+    assert!(files.len() >= 51, "{} scenes", files.len());
     let name = |file: &PathBuf| file.file_stem().unwrap().to_str().unwrap().to_owned();
     files.iter().map(|file| Case::read(&name(file))).collect()
 }

@@ -32,7 +32,7 @@ const VALUES: &[&str] = &[
     "{ min = [0, 0, 0] }", "[{ normal = [1, 0, 0] }]",
     "[{ normal = [5e-324, 0, 0], point = [1e308, 0, 0] }]", "1979-05-27", "07:32:00", "\"auto\"",
     "\"merson\"", "\"dormand-prince\"", "\"chebyshev\"", "\"velocity-verlet\"", "\"scaled\"", "\"paper\"",
-    "text", "=", "a=b",
+    "\"mean\"", "\"history\"", "\"regularized\"", "text", "=", "a=b",
 ];
 
 /// Every key, and some that are none.
@@ -261,20 +261,20 @@ pub fn words() -> impl Strategy<Value = String> {
 /// A good scene some of whose keys have other values.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    grid: bool,
+    base: &'static str,
     /// Key, value, and whether it comes by `--set` or stands in the text.
     values: Vec<(&'static str, String, bool)>,
 }
 
 const WITH_GRID: &str = include_str!("../../scenes/good/every-key.toml");
 const WITH_FILE: &str = include_str!("../../scenes/good/required-keys-only.toml");
+const WITH_MEMORY: &str = include_str!("../../scenes/good/memory.toml");
 
 impl Settings {
     /// The text; what is no TOML stands in it as it is.
     pub fn text(&self) -> String {
         let mut text = String::new();
-        let base: toml::Table = if self.grid { WITH_GRID } else { WITH_FILE }.parse().expect("it is a scene");
-        let mut table = base;
+        let mut table: toml::Table = self.base.parse().expect("it is a scene");
         for (key, value, _) in self.values.iter().filter(|(_, _, set)| !set) {
             match format!("v = {value}").parse::<toml::Table>() {
                 Ok(mut parsed) => put(&mut table, key, parsed.remove("v")),
@@ -358,5 +358,6 @@ pub fn settings() -> impl Strategy<Value = Settings> {
         5 => select(RIGHT).prop_map(|(key, value)| (key, value.to_owned())),
     ];
     let pair = (pair, any::<bool>()).prop_map(|((key, value), set)| (key, value, set));
-    (any::<bool>(), vec(pair, 1..5)).prop_map(|(grid, values)| Settings { grid, values })
+    let base = select(&[WITH_GRID, WITH_FILE, WITH_MEMORY][..]);
+    (base, vec(pair, 1..5)).prop_map(|(base, values)| Settings { base, values })
 }

@@ -6,8 +6,8 @@ use demhybrid::domain::{Comm, Solo};
 use demhybrid::engine::load;
 use demhybrid::engine::simulation::{Frame, Simulation};
 use demhybrid::error::Error;
-use demhybrid::scene::Scene;
 use demhybrid::scene::initial_condition::{self, InitialCondition};
+use demhybrid::scene::{Scene, effects};
 use std::cell::Cell;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -33,7 +33,9 @@ pub struct Tally {
     pub refused: u64,
     /// Accepted, and a few steps were taken.
     pub advanced: u64,
-    /// Of those, the ones that ended by an error.
+    /// Of those, the ones whose contacts remember their shear.
+    pub remembered: u64,
+    /// Of those that took steps, the ones that ended by an error.
     pub failed: u64,
 }
 
@@ -45,6 +47,7 @@ impl std::ops::Add for Tally {
             accepted: self.accepted + other.accepted,
             refused: self.refused + other.refused,
             advanced: self.advanced + other.advanced,
+            remembered: self.remembered + other.remembered,
             failed: self.failed + other.failed,
         }
     }
@@ -171,7 +174,8 @@ fn take_steps(scene: &Scene, start: &InitialCondition) -> Result<Tally, String> 
         Err(payload) if payload.is::<Empty>() => 0,
         Err(payload) => resume_unwind(payload),
     };
-    Ok(Tally { advanced: 1, failed, ..accepted })
+    let remembers = effects::law(scene).memory.is_some();
+    Ok(Tally { advanced: 1, remembered: u64::from(remembers), failed, ..accepted })
 }
 
 /// The tank is empty.

@@ -1,5 +1,10 @@
 //! Friction with memory: what stands stays, what slides obeys Coulomb, and nothing creates energy.
 
+mod column;
+mod driven;
+mod energy;
+mod slopes;
+
 use crate::common::{Case, Run, assert_near};
 use demhybrid::math::vector::Vec3;
 
@@ -63,40 +68,6 @@ fn an_oblique_pair_and_a_sliding_sphere_agree_with_another_program() {
     assert_near("x of the sphere, m", end.x[0].x, 0.8777384307, 1e-9);
     assert_near("its speed, m/s", end.v[0].x, 1.051836421, 1e-9);
     assert_near("its spin, rad/s", end.omega[0].y, 10.90026921, 1e-8);
-}
-
-#[test]
-fn a_block_holds_below_its_angle_and_slides_above() {
-    for share in [0.5, 0.9, 0.98] {
-        let run = on_slope(share * MU, false, Case::defaults()).set("t_end", 100.0).run();
-        let (early, late) = (&run.frames[10], run.end());
-        assert_near("time of the frame, s", early.time, 10.0, 1e-9);
-        let drift = (late.x[0] - early.x[0]).norm();
-        assert_near(&format!("drift at {share} of the limit from 10 s to 100 s, m"), drift, 0.0, 1e-6);
-    }
-    for share in [1.1, 2.0] {
-        let slope = share * MU;
-        let run = on_slope(slope, false, Case::tight()).run();
-        let [early, late] = [&run.frames[50], run.end()];
-        let found = (late.v[0].x - early.v[0].x) / (late.time - early.time);
-        let exact = G * (slope - MU) / (1.0 + slope * slope).sqrt();
-        assert_near(&format!("acceleration at {share} of the limit, m/s^2"), found, exact, 1e-4);
-    }
-}
-
-#[test]
-fn a_sphere_on_a_slope_rolls_until_it_must_slip() {
-    // Rolling gives way to slipping at tan = mu (1 + 2.5 (a/r)^2) with the lever a = r + l.
-    let lever = |slope: f64| 1.0 + gap_under(G / (1.0 + slope * slope).sqrt()) / R;
-    let last = |slope: f64| {
-        let end = on_slope(slope, true, Case::tight()).run().end().clone();
-        (end.v[0].x, end.v[0].x - R * lever(slope) * end.omega[0].y)
-    };
-    let threshold = MU * (1.0 + 2.5 * lever(3.5 * MU).powi(2));
-    let (speed, slip) = last(0.95 * threshold);
-    assert!(slip.abs() < 1e-3 * speed, "{slip} at {speed} m/s");
-    let (speed, slip) = last(1.1 * threshold);
-    assert!(slip > 0.02 * speed, "{slip} at {speed} m/s");
 }
 
 /// Largest rise of the energy between frames over its range.
