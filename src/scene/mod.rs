@@ -229,7 +229,8 @@ pub struct Solver {
     pub method: MethodName,
     /// Bound on the error of a step in the norm; > 0.
     ///
-    /// `Some` after [`Scene::parse`], unless the method has a fixed step.
+    /// [`crate::engine::simulation::tolerance`] gives the default. With the paper's friction, the brake of which
+    /// decides it, it stays `None` after [`Scene::parse`] if it is left out, and where the step is fixed.
     pub tolerance: Option<f64>,
     /// The norm in which the error of a step is measured.
     pub norm: NormName,
@@ -257,7 +258,7 @@ pub const DEFAULT_STIFFNESS_RATIO: f64 = 0.5;
 /// Damping of friction with memory, a share of critical, in a scene that does not give it.
 pub const DEFAULT_DAMPING: f64 = 1.0;
 
-/// Tolerance of a scene that does not give one.
+/// Tolerance of a scene that does not give one, at most.
 pub const DEFAULT_TOLERANCE: f64 = 0.1;
 
 impl Default for Solver {
@@ -395,8 +396,12 @@ impl Scene {
     }
 
     fn fill_in_tolerance(&mut self) {
+        let braked = self.friction.as_ref().is_some_and(|f| f.law == FrictionLaw::Regularized);
         let solver = &mut self.solver;
-        if solver.step.is_none() {
+        // The brake of the paper's friction, the speeds and the number of spheres decide it, see
+        // [`crate::engine::simulation::tolerance`].
+        let decided_later = braked && solver.norm != NormName::Paper;
+        if solver.step.is_none() && !decided_later {
             solver.tolerance.get_or_insert(DEFAULT_TOLERANCE);
         }
     }

@@ -229,3 +229,71 @@ fn an_elastic_ball_returns_to_its_drop_height_again_and_again() {
     // Three bounces of 157 J at a tolerance of 1e-6 m/s^2: each keeps its energy to 1e-8 of itself or better.
     assert_near("height of return over 10 s, largest deviation, m", worst, 0.0, 5e-7);
 }
+
+/// Largest errors of force and speed in frames through an elastic impact, as shares of the largest force and
+/// of the speed of the impact. The solver is the default one.
+fn errors_inside(kappa: f64, v: f64, case: Case) -> [f64; 2] {
+    // The exact solution is e^{-kappa l} = (kappa m v^2/(2 F_0)) sech^2(kappa v t/2). It starts and ends where the
+    // force is a ten thousandth of its largest.
+    let steepness = kappa * v * v / (2.0 * F_0);
+    let half = 2.0 * 100f64.acosh() / (kappa * v);
+    let gap = |t: f64| -(steepness / (0.5 * kappa * v * t).cosh().powi(2)).ln() / kappa;
+    let speed = |t: f64| v * (0.5 * kappa * v * t).tanh();
+    let run = case
+        .floor()
+        .set("particles.mass", 1.0)
+        .set("contact.restitution", 1.0)
+        .set("contact.stiffness_exponent", kappa)
+        .set("contact.interaction_distance", (30.0 / kappa).min(0.2))
+        .set("t_end", 2.0 * half)
+        .set("output.interval", 1e-6f64.min(half / 500.0))
+        .sphere(Vec3::z() * (R + gap(-half)), Vec3::z() * speed(-half))
+        .run();
+    let mut most = [0.0f64; 2];
+    for frame in &run.frames {
+        let t = frame.time - half;
+        let force = |gap: f64| F_0 * (-kappa * gap).exp() / (0.5 * kappa * v * v);
+        let off = [force(frame.x[0].z - R) - force(gap(t)), (frame.v[0].z - speed(t)) / v];
+        most = [0, 1].map(|k| most[k].max(off[k].abs()));
+    }
+    most
+}
+
+#[test]
+fn frames_inside_an_impact_are_as_good_as_the_steps_around_them() {
+    for (kappa, v) in [(150.0, 3.0), (1500.0, 3.0), (1e4, 3.0), (1e5, 3.0), (1e4, 0.3)] {
+        let plain = errors_inside(kappa, v, Case::defaults());
+        let rough = errors_inside(kappa, v, Case::defaults().rough(true));
+        let remembering = Case::defaults().set("friction.law", "history").set("friction.coefficient", 0.3);
+        let remembering = errors_inside(kappa, v, remembering);
+        println!("kappa {kappa}/m, {v} m/s: {plain:.1e} {rough:.1e} {remembering:.1e}");
+        for [force, speed] in [plain, rough, remembering] {
+            assert!(force < 0.01 && speed < 0.01, "kappa {kappa}/m, {v} m/s: {force} {speed}");
+        }
+    }
+}
+
+#[test]
+fn a_sphere_that_loses_nothing_keeps_its_energy_over_a_thousand_bounces() {
+    for kappa in [150.0, 1500.0, 1e5] {
+        let (height, bounces) = (0.1f64, 1000.0);
+        let period = 2.0 * (2.0 * height / G).sqrt();
+        let run = Case::defaults()
+            .floor()
+            .heavy()
+            .set("particles.mass", 1.0)
+            .set("contact.restitution", 1.0)
+            .set("contact.stiffness_exponent", kappa)
+            .set("contact.interaction_distance", (30.0 / kappa).min(0.2))
+            .set("t_end", bounces * period)
+            .sphere(Vec3::z() * (R + height), Vec3::zeros())
+            .run();
+        let energies: Vec<f64> = run.frames.iter().map(|frame| frame.energy()).collect();
+        let worst = energies.iter().map(|energy| (energy / energies[0] - 1.0).abs()).fold(0.0, f64::max);
+        println!(
+            "kappa {kappa}/m: {worst:.1e} after {bounces} bounces, {} right-hand sides",
+            run.end().counts.rhs
+        );
+        assert!(worst < 0.01, "kappa {kappa}/m: {worst}");
+    }
+}

@@ -4,6 +4,7 @@
 mod balance;
 #[path = "../../benches/common/mod.rs"]
 mod beds;
+mod brake;
 mod common;
 mod friction;
 mod hard;

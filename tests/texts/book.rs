@@ -117,6 +117,7 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
         ("solver.norm", "\"scaled\"; \"mean\" with `friction.law = \"history\"`"),
         ("solver.step", "none; required by velocity-verlet"),
         ("solver.neglected_force", "from the tolerance"),
+        ("solver.tolerance", "0.1, less for a small `friction.regularization_velocity`"),
         ("solver.velocity_scale", "from gravity and radius"),
     ]);
     assert_eq!(resolved["output"]["file"].as_str(), Some("bed.vtkhdf"));

@@ -206,7 +206,7 @@ fn the_settling_scenes_hold_the_parameters_of_table_4_2() {
     locked.friction.clone_from(&scene.friction);
     locked.output.file.clone_from(&scene.output.file);
     assert_eq!(locked, scene);
-    let default = Solver { tolerance: Some(0.1), ..Default::default() };
+    let default = Solver::default();
     let (mut settle, same_start) = variant("configs/settle.toml");
     assert!(same_start == start && settle.solver == default);
     settle.solver.clone_from(&scene.solver);

@@ -3,12 +3,12 @@
 use crate::domain::{Comm, halo::Extent, launch, rows, slabs::Slabs};
 use crate::engine::dynamics::SKIN;
 use crate::engine::load::{START_BYTES, bytes_per_particle};
-use crate::engine::simulation::{Counts, Frame, FrameSummary, Outcome, cutoff, tightening};
+use crate::engine::simulation::{Counts, Frame, FrameSummary, Outcome, cutoff, tightening, tolerance};
 use crate::math::digits::{bytes as size, short};
 use crate::model::effects::Effects;
 use crate::ode::{Limit, NormName};
-use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
+use crate::scene::{DEFAULT_TOLERANCE, Scene};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::cell::OnceCell;
 use std::fmt::Write;
@@ -23,17 +23,17 @@ pub use monitor::Monitor;
 pub use size_of_run::{checkpoint_bytes, frames, output_bytes};
 pub use warnings::{doubts, forewarnings, overlap_warning};
 
-/// Describes what bounds the steps.
-fn step_control(scene: &Scene) -> String {
+/// Describes what bounds the steps. `tolerance` is what the run takes.
+fn step_control(scene: &Scene, tolerance: f64) -> String {
     let solver = &scene.solver;
     let norm = match solver.norm {
         NormName::Paper => "the paper's",
         NormName::Scaled => "the scaled",
         NormName::Mean => "the mean",
     };
-    match (solver.step, solver.tolerance) {
-        (Some(step), _) => format!("fixed step {} s", short(step)),
-        (None, Some(tolerance)) => {
+    match solver.step {
+        Some(step) => format!("fixed step {} s", short(step)),
+        None => {
             let tightening = tightening(scene);
             let in_effect = if tightening < 1.0 {
                 format!(
@@ -43,9 +43,12 @@ fn step_control(scene: &Scene) -> String {
             } else {
                 String::new()
             };
-            format!("tolerance {} in {norm} norm{in_effect}", short(tolerance))
+            let friction = match solver.tolerance {
+                None if tolerance < DEFAULT_TOLERANCE => " for friction.regularization_velocity",
+                _ => "",
+            };
+            format!("tolerance {}{friction} in {norm} norm{in_effect}", short(tolerance))
         }
-        (None, None) => format!("the default tolerance in {norm} norm"),
     }
 }
 
@@ -98,7 +101,8 @@ fn solver(scene: &Scene, start: &InitialCondition) -> String {
             three_digits(initial_condition::velocity_scale(scene, start))
         ),
     };
-    format!("{}, {}{scale}", solver.method, step_control(scene))
+    let tolerance = tolerance(scene, initial_condition::velocity_scale(scene, start), start.x.len() as u64);
+    format!("{}, {}{scale}", solver.method, step_control(scene, tolerance))
 }
 
 /// The text of `--dry-run`: what a run would do. Collective; the text is the same on every rank.
@@ -286,7 +290,7 @@ pub fn summary(
     if let Some(by) = outcome.at_rest_by {
         line("at rest", format!("by {by} for {} s", scene.stop.as_ref().map_or(0.0, |stop| stop.window)));
     }
-    line("method", format!("{}; {}", outcome.choice, step_control(scene)));
+    line("method", format!("{}; {}", outcome.choice, step_control(scene, outcome.tolerance)));
     line("contacts", contacts(scene, outcome.cutoff));
     line("right-hand sides", format!("{rhs}"));
     line(

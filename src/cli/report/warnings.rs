@@ -2,7 +2,7 @@
 
 use super::monitor::Monitor;
 use crate::domain::Comm;
-use crate::engine::simulation::{FrameSummary, Outcome, tightening};
+use crate::engine::simulation::{FrameSummary, Outcome, friction_tolerance, tightening};
 use crate::math::digits::short;
 use crate::math::vector::Vec3;
 use crate::model::effects::FrictionLaw;
@@ -18,7 +18,7 @@ pub fn forewarnings(scene: &Scene, start: &InitialCondition) -> Vec<String> {
     warnings.extend(cut_force_warning(scene));
     warnings.extend(wall_barrier_warning(scene, start));
     warnings.extend(pair_barrier_warning(scene, start));
-    warnings.extend(loose_tolerance_warning(scene, start));
+    warnings.extend(loose_tolerance_warning(scene, start).or_else(|| shivering_warning(scene, start)));
     warnings
 }
 
@@ -217,6 +217,27 @@ fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -> Option<St
              {wrong}; only how far a particle may move in a step does, and contacts may create energy; the \
              default is 0.1",
             short(tolerance)
+        )
+    })
+}
+
+/// Warns if the tolerance of the scene is too loose for the brake of its friction.
+fn shivering_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
+    let tolerance = scene.solver.tolerance.filter(|_| scene.solver.step.is_none())?;
+    let v_min = scene.friction.as_ref()?.regularization_velocity?;
+    let scale = initial_condition::velocity_scale(scene, start);
+    let enough = friction_tolerance(scene, scale, start.x.len() as u64);
+    // Three digits, rounded down, so that the printed number is small enough.
+    let unit = 10f64.powf(enough.log10().floor() - 2.0);
+    (tolerance > enough).then(|| {
+        format!(
+            "warning: solver.tolerance = {} allows errors of {:.3e} m/s a step, {:.3e} times \
+             friction.regularization_velocity: what should creep may shiver, and slide or sink many times \
+             too fast; {} or less would do, or leave it out",
+            short(tolerance),
+            tolerance * scale,
+            tolerance * scale / v_min,
+            short((enough / unit).floor() * unit)
         )
     })
 }
@@ -458,5 +479,27 @@ mod tests {
         assert!(
             loose(&["solver.norm=scaled", "solver.tolerance=1e6"]).unwrap().contains("= 1000000 does not")
         );
+    }
+
+    #[test]
+    fn a_tolerance_too_loose_for_the_brake_is_warned_of_with_one_that_would_do() {
+        let start = bodies(&[[[0.5, 0.5, 0.1], [0.0; 3]]]);
+        let warning = |sets: &[&str]| {
+            let scaled =
+                [&["solver.norm=scaled", "friction.regularization_velocity=1e-4"][..], sets].concat();
+            shivering_warning(&scene(&scaled), &start)
+        };
+        // 0.4 * 1e-4/sqrt(9.81 * 0.1) = 4.0385e-5.
+        let told = warning(&["solver.tolerance=0.1"]).unwrap();
+        assert!(told.contains("= 0.1 allows errors of 9.905e-2 m/s a step, 9.905e2 times"), "{told}");
+        assert!(told.contains("4.03e-5 or less would do"), "{told}");
+        assert_eq!(warning(&["solver.tolerance=4.03e-5"]), None);
+        assert!(warning(&["solver.tolerance=4.04e-5"]).is_some());
+        for sets in [&["solver.norm=paper"][..], &["gravity=[0,0,0]"], &["friction.law=history"]] {
+            assert_eq!(warning(&[sets, &["solver.tolerance=0.1"]].concat()), None, "{sets:?}");
+        }
+        // The usual bed at the usual tolerance.
+        let many = bodies(&[[[0.5, 0.5, 0.1], [0.0; 3]]; 200]);
+        assert_eq!(shivering_warning(&scene(&["solver.norm=scaled"]), &many), None);
     }
 }

@@ -99,7 +99,7 @@ impl Execution<'_> {
         }
     }
 
-    fn info(&self, velocity_scale: f64) -> RunInfo {
+    fn info(&self, velocity_scale: f64, count: u64) -> RunInfo {
         let Ground { comm, threads, set, .. } = *self.ground;
         let scene = self.scene;
         RunInfo {
@@ -107,7 +107,10 @@ impl Execution<'_> {
             commit: env!("DEMHYBRID_COMMIT").into(),
             scene: scene.resolved(),
             method: scene.solver.method,
-            tolerance: scene.solver.tolerance.unwrap_or(0.0),
+            tolerance: match scene.solver.step {
+                Some(_) => 0.0,
+                None => crate::engine::simulation::tolerance(scene, velocity_scale, count),
+            },
             step: scene.solver.step,
             norm: scene.solver.norm,
             velocity_scale,
@@ -164,7 +167,7 @@ impl Execution<'_> {
         let ready = self.ready(comm)?;
         let Ready { mut simulation, count, velocity_scale, course, frames, next, serial, wall_seconds } =
             ready;
-        let info = self.info(velocity_scale);
+        let info = self.info(velocity_scale, count);
         let columns = &simulation.columns().clone();
         let contents = Contents { count, radius: scene.particles.radius, columns };
         let output = self.output(comm, &info, &contents, frames)?;

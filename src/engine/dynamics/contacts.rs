@@ -7,7 +7,7 @@ use super::Dynamics;
 use crate::domain::{Comm, Parcels};
 use crate::math::larger;
 use crate::ode::{Segment, StepStart};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// Which contacts have a row.
 #[derive(Debug, Default)]
@@ -74,7 +74,7 @@ impl ContactRecords {
         if comm.size() == 1 {
             return;
         }
-        let owner: HashMap<u64, usize> = ids.iter().copied().zip(owners.iter().copied()).collect();
+        let owner: FxHashMap<u64, usize> = ids.iter().copied().zip(owners.iter().copied()).collect();
         let targets = |key: &[u64; 2]| {
             let [a, b] = key.map(|id| owner.get(&id).copied());
             [a, b.filter(|_| a != b)].into_iter().flatten()
@@ -118,7 +118,7 @@ impl ContactRecords {
     ///
     /// Also returns the number of contacts for which a row has room.
     fn table(&self, comm: &dyn Comm, ids: &[u64]) -> (usize, Vec<f64>) {
-        let place: HashMap<u64, usize> = ids.iter().copied().zip(0..).collect();
+        let place: FxHashMap<u64, usize> = ids.iter().copied().zip(0..).collect();
         let mut counts = vec![0; ids.len()];
         let own = self.keys.iter().filter_map(|key| place.get(&key[0]));
         own.for_each(|&i| counts[i] += 1);
@@ -227,7 +227,7 @@ impl Dynamics<'_> {
         if self.forces.memory_width() == 0 {
             return;
         }
-        let place: HashMap<[u64; 2], usize> = records.keys.iter().copied().zip(0..).collect();
+        let place: FxHashMap<[u64; 2], usize> = records.keys.iter().copied().zip(0..).collect();
         let mut records_of_rows: Vec<usize> = Vec::with_capacity(records.keys.len());
         let keys = self.forces.assign_rows(&self.domain.ids, &mut |key| {
             let found = place.get(&sorted(key));

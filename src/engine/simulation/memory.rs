@@ -149,7 +149,7 @@ impl<'c> Simulation<'c> {
         if scene.output.energy {
             dynamics.audit();
         }
-        let mut simulation = Simulation::empty(scene, comm, dynamics, scale);
+        let mut simulation = Simulation::empty(scene, comm, dynamics, scale, count);
         let control = &mut simulation.control;
         (control.before, control.rejected, control.seen) = memory.control;
         (simulation.progress, simulation.schedule.saved) = (memory.progress, memory.t);

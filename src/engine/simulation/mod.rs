@@ -18,6 +18,7 @@ use physics::{auto_plan, error_control, scene_kernel};
 pub use progress::{Counts, Progress};
 use progress::{Schedule, WallClock};
 use std::time::Instant;
+pub use tolerance::{friction_tolerance, tolerance};
 use trial::Step;
 
 mod cutoff;
@@ -29,6 +30,7 @@ mod physics;
 mod progress;
 mod rest_detector;
 mod rounding;
+mod tolerance;
 mod trial;
 
 /// A run of a scene.
@@ -129,7 +131,7 @@ impl<'c> Simulation<'c> {
         let mut step_start = StepStart::new(0.0, y);
         dynamics.begin();
         let rhs = step_start.find_slope(&mut dynamics);
-        let mut simulation = Simulation::empty(scene, comm, dynamics, scale);
+        let mut simulation = Simulation::empty(scene, comm, dynamics, scale, start.x.len() as u64);
         (simulation.step_start, simulation.progress.counts.rhs) = (step_start, rhs);
         // An initial condition that cannot be continued is reported before any output is created.
         if simulation.start_is_broken() {
@@ -143,8 +145,8 @@ impl<'c> Simulation<'c> {
     }
 
     /// A run without particles, before its first step.
-    fn empty(scene: &Scene, comm: &'c dyn Comm, dynamics: Dynamics<'c>, scale: f64) -> Self {
-        let (norm, control) = error_control(scene, scale, dynamics.columns());
+    fn empty(scene: &Scene, comm: &'c dyn Comm, dynamics: Dynamics<'c>, scale: f64, count: u64) -> Self {
+        let (norm, control) = error_control(scene, (scale, count), dynamics.columns());
         let h = control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step));
         Simulation {
             comm,

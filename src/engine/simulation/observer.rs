@@ -124,6 +124,8 @@ pub struct Outcome {
     pub largest_overlap: f64,
     /// The method that took the steps and, for `auto`, why.
     pub choice: String,
+    /// The tolerance of the steps; meaningless where they are fixed.
+    pub tolerance: f64,
     /// Largest gap at which the stabilised method evaluates contacts, m.
     pub cutoff: f64,
     /// Memory of the solver on this rank, bytes.
@@ -242,6 +244,7 @@ impl Simulation<'_> {
     pub(super) fn outcome(&self) -> Outcome {
         let request = self.dynamics.request();
         Outcome {
+            tolerance: self.tolerance,
             time: self.step_start.t,
             stopped: request.stops().then_some(request),
             at_rest_by: None,
