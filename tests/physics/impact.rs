@@ -266,7 +266,7 @@ fn frames_inside_an_impact_are_as_good_as_the_steps_around_them() {
         let rough = errors_inside(kappa, v, Case::defaults().rough(true));
         let remembering = Case::defaults().set("friction.law", "history").set("friction.coefficient", 0.3);
         let remembering = errors_inside(kappa, v, remembering);
-        println!("kappa {kappa}/m, {v} m/s: {plain:.1e} {rough:.1e} {remembering:.1e}");
+        println!("kappa {kappa}/m, {v} m/s: {plain:?} {rough:?} {remembering:?}");
         for [force, speed] in [plain, rough, remembering] {
             assert!(force < 0.01 && speed < 0.01, "kappa {kappa}/m, {v} m/s: {force} {speed}");
         }
@@ -275,7 +275,7 @@ fn frames_inside_an_impact_are_as_good_as_the_steps_around_them() {
 
 #[test]
 fn a_sphere_that_loses_nothing_keeps_its_energy_over_a_thousand_bounces() {
-    for kappa in [150.0, 1500.0, 1e5] {
+    for kappa in [150.0f64, 1500.0, 1e5] {
         let (height, bounces) = (0.1f64, 1000.0);
         let period = 2.0 * (2.0 * height / G).sqrt();
         let run = Case::defaults()
