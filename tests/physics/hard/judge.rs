@@ -3,7 +3,7 @@
 use super::scene::{Case, Outcome};
 use demhybrid::cli::report::{self, Monitor};
 use demhybrid::domain::Comm;
-use demhybrid::engine::simulation::{Counts, Frame, FrameSummary, Simulation};
+use demhybrid::engine::simulation::{Counts, Frame, FrameSummary, Simulation, tolerance};
 use demhybrid::error::Error;
 use demhybrid::model::columns::{position, spin, velocity};
 use demhybrid::scene::Scene;
@@ -174,7 +174,11 @@ pub fn faults(case: &Case, method: &str, tale: &Tale) -> Vec<String> {
         );
     }
     let per_tolerance = if method == "auto" { ENERGY_PER_TOLERANCE } else { ENERGY_OF_OTHERS };
-    let bound = scene.solver.tolerance.map_or(ENERGY_OF_VERLET, |tolerance| per_tolerance * tolerance);
+    let scale = initial_condition::velocity_scale(&scene, &start);
+    let bound = match scene.solver.step {
+        Some(_) => ENERGY_OF_VERLET,
+        None => per_tolerance * tolerance(&scene, scale, start.x.len() as u64),
+    };
     let rise = tale.rise(&scene, &start);
     let rounding = 1e-12 * tale.course.start_energy.abs();
     if !case.allows("energy may be created") {
