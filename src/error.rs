@@ -62,6 +62,63 @@ pub enum Error {
         t: f64,
     },
 
+    /// A particle is so far beyond a wall that no force can bring it back.
+    #[error(
+        "particle {i} is {beyond:.3e} m beyond wall {wall} at t = {t} s, where no force can bring it back: it \
+         starts there, or a step was too long for the contact that it was in"
+    )]
+    BeyondWall {
+        /// Particle id.
+        i: u64,
+        /// Number of the wall, as in `WallForce`.
+        wall: usize,
+        /// How far its centre is beyond the wall, m.
+        beyond: f64,
+        /// Time, s.
+        t: f64,
+    },
+
+    /// A force is not finite although the overlap is small: a position or a speed is too large.
+    #[error(
+        "the forces on particle {i} are not finite at t = {t} s: its coordinates reach {position:.3e} m, \
+         its velocity {speed:.3e} m/s and its angular velocity {spin:.3e} rad/s along an axis, which is beyond \
+         what arithmetic allows"
+    )]
+    OutOfRange {
+        /// Particle id.
+        i: u64,
+        /// Largest coordinate, m.
+        position: f64,
+        /// Largest component of the velocity, m/s.
+        speed: f64,
+        /// Largest component of the angular velocity, rad/s.
+        spin: f64,
+        /// Time, s.
+        t: f64,
+    },
+
+    /// Contacts are pressed so hard that even the smallest allowed step is too long for what they do.
+    #[error(
+        "no step is short enough at t = {t} s: spheres overlap each other or a wall by up to {overlap:.3e} m \
+         ({share:.2} of the radius), which pushes them apart with {force:.1e} N within {time:.1e} s \
+         (solver.min_step = {min_step:e} s); spheres that start further apart, or a smaller \
+         contact.stiffness_exponent, would do"
+    )]
+    Pressed {
+        /// Largest overlap, m.
+        overlap: f64,
+        /// The same over the radius.
+        share: f64,
+        /// Repulsion at that overlap, N.
+        force: f64,
+        /// Time in which that contact opens by 1/kappa, s.
+        time: f64,
+        /// `solver.min_step`, s.
+        min_step: f64,
+        /// Time, s.
+        t: f64,
+    },
+
     /// An acceleration is not finite although every contact force is.
     #[error(
         "the acceleration of particle {i} is not finite at t = {t} s: gravity, forces or 1/mass are too large"
@@ -244,6 +301,9 @@ impl Error {
             Error::Coincident { .. }
             | Error::PairForce { .. }
             | Error::WallForce { .. }
+            | Error::BeyondWall { .. }
+            | Error::OutOfRange { .. }
+            | Error::Pressed { .. }
             | Error::Acceleration { .. }
             | Error::NoStep { .. }
             | Error::TooFast { .. }

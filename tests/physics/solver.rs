@@ -242,6 +242,35 @@ fn a_tolerance_below_round_off_ends_the_run_with_an_error() {
 }
 
 #[test]
+fn a_start_that_presses_spheres_together_is_the_cause_that_is_told() {
+    // Cells of 0.05 m: spheres overlap by up to 1.5 of their radius.
+    let case =
+        Case::config("settle.toml").set("particles.grid.spacing", 0.05).set("particles.grid.jitter", 0.004);
+    let error = case.set("t_end", 0.01).try_run().unwrap_err();
+    let Error::Pressed { overlap, share, force, min_step, .. } = error else { panic!("{error:?}") };
+    assert!((overlap / 0.1 - share).abs() < 1e-12 && share > 1.4 && min_step == 1e-9, "{error:?}");
+    assert!((force / (10.0 * (150.0 * overlap).exp()) - 1.0).abs() < 1e-12, "{error:?}");
+    assert_eq!(error.exit_code(), 3);
+    assert!(error.to_string().contains("of the radius), which pushes them apart with"), "{error}");
+}
+
+#[test]
+fn a_state_beyond_arithmetic_is_told_with_its_particle_and_its_size() {
+    let spinning = Case::defaults().rough(true).floor().set("solver.method", "velocity-verlet");
+    let spinning = spinning.set("solver.step", 1e-4).sphere(Vec3::z() * 0.2, Vec3::zeros());
+    let error = spinning.spinning_sphere(Vec3::z() * 0.099, Vec3::zeros(), Vec3::x() * 1e308).try_run();
+    let error = error.unwrap_err();
+    let Error::OutOfRange { i: 1, spin, t: 0.0, .. } = error else { panic!("{error:?}") };
+    assert!((spin / 1e308 - 1.0).abs() < 1e-12, "{spin}");
+    assert_eq!(error.exit_code(), 3);
+    // A speed that no step can follow takes it through the floor.
+    let thrown = Case::defaults().floor().set("solver.method", "velocity-verlet").set("solver.step", 1e-3);
+    let error = thrown.sphere(Vec3::z() * 0.2, Vec3::z() * -1e6).try_run().unwrap_err();
+    println!("{error}");
+    assert_eq!(error.exit_code(), 3);
+}
+
+#[test]
 fn steps_that_only_the_minimum_lets_pass_are_counted() {
     // Beyond l_max = 0.1 m with kappa = 30 the force jumps by 0.5 N, which no step resolves to 1e-6 m/s^2:
     // one step passes unresolved on the way in, and one on the way out.

@@ -5,7 +5,7 @@ use crate::domain::Comm;
 use crate::engine::simulation::{FrameSummary, Outcome, friction_tolerance, tightening};
 use crate::math::digits::short;
 use crate::math::vector::Vec3;
-use crate::model::effects::FrictionLaw;
+use crate::model::effects::{Effects, FrictionLaw, Variant};
 use crate::ode::{Limit, NormName};
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
@@ -246,6 +246,8 @@ fn shivering_warning(scene: &Scene, start: &InitialCondition) -> Option<String> 
 const CREATED_SHARE: f64 = 1e-3;
 /// The same share for a rise between frames: the default tolerance may cause it with one bouncing sphere.
 const RISEN_SHARE: f64 = 1e-2;
+/// The same share for a fall between frames, where no effect dissipates energy.
+const LOST_SHARE: f64 = 1e-2;
 /// Share of the energies in a balance that rounding may explain.
 const ENERGY_ROUNDING: f64 = 1e-12;
 
@@ -274,6 +276,26 @@ fn created_energy_warning(scene: &Scene, start: &InitialCondition, course: &Fram
              of the largest kinetic energy; no contact creates energy, so the steps are too coarse for the \
              motion; a smaller {smaller} would help",
             created / scale
+        )
+    })
+}
+
+/// Warns if energy is gone that no effect of the scene dissipates.
+fn lost_energy_warning(scene: &Scene, start: &InitialCondition, course: &FrameSummary) -> Option<String> {
+    let effects = Effects::of(scene);
+    if effects.dissipative || effects.variant != Variant::Basic {
+        return None;
+    }
+    let least = scene.particles.mass * initial_condition::velocity_scale(scene, start).powi(2);
+    let (lost, scale) = (course.largest_fall, course.largest_kinetic_energy.max(least));
+    let rounding = ENERGY_ROUNDING * course.start_energy.abs();
+    let smaller = if scene.solver.step.is_some() { "solver.step" } else { "solver.tolerance" };
+    (lost > LOST_SHARE * scale && lost > rounding).then(|| {
+        format!(
+            "warning: energy was lost: at a frame it was {lost:.3e} J less than at one before, {:.1e} of the \
+             largest kinetic energy; with contact.restitution = 1 and without friction nothing dissipates \
+             energy, so the steps are too coarse for the motion; a smaller {smaller} would help",
+            lost / scale
         )
     })
 }
@@ -312,6 +334,7 @@ pub fn doubts(
         ));
     }
     doubts.extend(created_energy_warning(scene, start, course));
+    doubts.extend(lost_energy_warning(scene, start, course));
     doubts.extend(monitor.warnings(comm));
     doubts
 }
@@ -420,6 +443,20 @@ mod tests {
             Scene { solver: crate::scene::Solver { step: Some(1e-3), ..scene(&[]).solver }, ..scene(&[]) };
         let warning = created_energy_warning(&verlet, &InitialCondition::default(), &risen(6e-2)).unwrap();
         assert!(warning.contains("a smaller solver.step"), "{warning}");
+    }
+
+    #[test]
+    fn energy_that_is_lost_is_warned_of_where_no_effect_dissipates_it() {
+        let elastic = scene(&["contact.restitution=1"]);
+        let elastic = Scene { friction: None, ..elastic };
+        let lost = |fall| FrameSummary { largest_fall: fall, ..course(0.0) };
+        let of = |scene: &Scene, fall| lost_energy_warning(scene, &InitialCondition::default(), &lost(fall));
+        // 1e-2 of 5 J.
+        let warning = of(&elastic, 6e-2).unwrap();
+        assert!(warning.contains("energy was lost") && warning.contains("6.000e-2 J"), "{warning}");
+        assert_eq!(of(&elastic, 4e-2), None);
+        assert_eq!(of(&scene(&["contact.restitution=1"]), 6e-2), None, "friction dissipates");
+        assert_eq!(of(&Scene { friction: None, ..scene(&[]) }, 6e-2), None, "rebound dissipates");
     }
 
     #[test]

@@ -5,6 +5,8 @@ use super::decomposition::gather;
 use crate::engine::forces::Broken;
 use crate::error::Error;
 use crate::math::larger;
+use crate::model::columns::{position, spin, velocity};
+use crate::model::contact::LawParameters;
 
 impl Dynamics<'_> {
     /// The contact because of which the right-hand side at `y` and time `t` (s) is not finite, if any.
@@ -25,11 +27,46 @@ impl Dynamics<'_> {
             [0.0, i, j, 0.0] => Some(Error::Coincident { i: i as u64, j: j as u64, t }),
             [0.0, i, j, d] => {
                 let overlap = 2.0 * self.law().r - d;
-                Some(Error::PairForce { i: i as u64, j: j as u64, overlap, t })
+                let pair = Error::PairForce { i: i as u64, j: j as u64, overlap, t };
+                Some(if self.overflows(overlap) { pair } else { self.out_of_range([i, j], y, t) })
             }
-            [1.0, i, k, overlap] => Some(Error::WallForce { i: i as u64, wall: k as usize, overlap, t }),
+            [1.0, i, k, overlap] => {
+                let (wall, beyond) = (k as usize, overlap - self.law().r);
+                Some(if !self.overflows(overlap) {
+                    self.out_of_range([i, i], y, t)
+                } else if beyond > 0.0 {
+                    Error::BeyondWall { i: i as u64, wall, beyond, t }
+                } else {
+                    Error::WallForce { i: i as u64, wall, overlap, t }
+                })
+            }
             _ => None,
         }
+    }
+
+    /// Whether the repulsion at this `overlap` (m) is beyond a double.
+    fn overflows(&self, overlap: f64) -> bool {
+        let LawParameters { f_0, kappa, .. } = self.law();
+        !(f_0.ln() + kappa * overlap < f64::MAX.ln())
+    }
+
+    /// Why forces on one of the particles with these `ids` are not finite, at the state `y` and the time `t` (s),
+    /// where no repulsion overflows: the particle whose state is larger. Collective.
+    fn out_of_range(&self, ids: [f64; 2], y: &[f64], t: f64) -> Error {
+        let (layout, r) = (&self.layout, self.law().r);
+        let sizes = |id: f64| {
+            let own = self.ids().iter().position(|&own| own == id as u64);
+            let row = own.map(|i| &y[layout.row(0, i).range()]);
+            row.map_or([0.0; 3], |row| [position(row).amax(), velocity(row).amax(), spin(row).amax() / r])
+        };
+        let [a, b] = ids.map(sizes);
+        let all = gather(self.domain.comm, [a[0], a[1], a[2], b[0], b[1], b[2]]);
+        let most =
+            all.into_iter().fold([0.0; 6], |most, found| std::array::from_fn(|k| larger(most[k], found[k])));
+        let [a, b] = [[most[0], most[1], most[2]], [most[3], most[4], most[5]]];
+        let size = |sizes: [f64; 3]| sizes.into_iter().fold(0.0, larger);
+        let (id, [position, speed, spin]) = if size(b) > size(a) { (ids[1], b) } else { (ids[0], a) };
+        Error::OutOfRange { i: id as u64, position, speed, spin, t }
     }
 
     /// The id of the particle with the largest `badness`; the lowest id where several have it. Collective.

@@ -228,6 +228,11 @@ impl<'c> Dynamics<'c> {
         changed
     }
 
+    /// Mass of every particle, kg.
+    pub fn mass(&self) -> f64 {
+        self.forces.parameters.mass
+    }
+
     /// The parameters of the contact law, with the cutoff in use.
     pub fn law(&self) -> LawParameters {
         self.forces.kernel.law()

@@ -4,7 +4,11 @@ use super::Simulation;
 use crate::engine::dynamics::Fault;
 use crate::error::Error;
 use crate::model::columns::velocity;
+use crate::model::contact::LawParameters;
 use crate::ode::{Ivp, TrialOutcome, largest_magnitude};
+
+/// Contacts that open within this many of the smallest steps are pressed: no step resolves them.
+const PRESSED: f64 = 1000.0;
 
 impl Simulation<'_> {
     /// Returns an error if no smaller step can succeed after a failed trial with step `h` (s). Collective.
@@ -31,6 +35,22 @@ impl Simulation<'_> {
         let layout = self.dynamics.layout();
         let i = self.dynamics.worst(|i| velocity(&y[layout.row(0, i).range()]).norm());
         Err(Error::TooFast { t: self.step_start.t, h, i, travel: self.dynamics.travel() })
+    }
+
+    /// Returns an error if contacts are pressed so hard that the smallest step is too long for them. Collective.
+    pub(super) fn fail_if_pressed(&mut self) -> Result<(), Error> {
+        let (t, min_step) = (self.step_start.t, self.control.min_step);
+        let (_, overlap) = self.dynamics.potential_energy(&self.step_start.y[..]);
+        let LawParameters { r, f_0, kappa, .. } = self.dynamics.law();
+        let force = f_0 * (kappa * overlap).exp();
+        // A sphere that is pushed with F moves by 1/kappa within sqrt(2 m/(kappa F)).
+        let time = (2.0 * self.dynamics.mass() / (kappa * force)).sqrt();
+        let pressed = overlap > 0.0 && time < PRESSED * min_step;
+        if pressed {
+            Err(Error::Pressed { overlap, share: overlap / r, force, time, min_step, t })
+        } else {
+            Ok(())
+        }
     }
 
     /// Whether the right-hand side at the last accepted state is not finite. Collective.

@@ -25,6 +25,11 @@ pub struct FrameSummary {
     pub lowest_energy: Option<f64>,
     /// Largest rise of the energy of a frame above that of an earlier one, J. No contact creates energy.
     pub largest_rise: f64,
+    /// Largest kinetic plus potential energy of any frame so far, J.
+    pub highest_energy: Option<f64>,
+    /// Largest fall of the energy of a frame below that of an earlier one, J. Where no effect dissipates energy
+    /// nothing explains it.
+    pub largest_fall: f64,
 }
 
 impl FrameSummary {
@@ -42,6 +47,9 @@ impl FrameSummary {
         let lowest = self.lowest_energy.map_or(energy, |lowest| lowest.min(energy));
         self.lowest_energy = Some(lowest);
         self.largest_rise = self.largest_rise.max(energy - lowest);
+        let highest = self.highest_energy.map_or(energy, |highest| highest.max(energy));
+        self.highest_energy = Some(highest);
+        self.largest_fall = self.largest_fall.max(highest - energy);
     }
 
     /// Energy that has no source, J: the energy now plus what was dissipated, minus the energy at the start.

@@ -173,6 +173,7 @@ impl Simulation<'_> {
         let accepted = self.progress.counts.accepted;
         let prevail = accepted > FORCED_GRACE && self.progress.counts.forced * 100 > accepted;
         if forced && (self.progress.forced_in_a_row >= FORCED_IN_A_ROW || prevail) {
+            self.fail_if_pressed()?;
             return Err(Error::BelowRoundOff {
                 tolerance: self.tolerance,
                 forced: self.progress.counts.forced,
