@@ -266,7 +266,8 @@ fn a_state_beyond_arithmetic_is_told_with_its_particle_and_its_size() {
     // A speed that no step can follow takes it through the floor.
     let thrown = Case::defaults().floor().set("solver.method", "velocity-verlet").set("solver.step", 1e-3);
     let error = thrown.sphere(Vec3::z() * 0.2, Vec3::z() * -1e6).try_run().unwrap_err();
-    println!("{error}");
+    let Error::BeyondWall { i: 0, wall: 0, beyond, .. } = error else { panic!("{error:?}") };
+    assert!(beyond > 900.0, "{beyond}");
     assert_eq!(error.exit_code(), 3);
 }
 
