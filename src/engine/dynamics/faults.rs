@@ -47,7 +47,8 @@ impl Dynamics<'_> {
     /// Whether the repulsion at this `overlap` (m) is beyond a double.
     fn overflows(&self, overlap: f64) -> bool {
         let LawParameters { f_0, kappa, .. } = self.law();
-        !(f_0.ln() + kappa * overlap < f64::MAX.ln())
+        let exponent = f_0.ln() + kappa * overlap;
+        exponent.is_nan() || exponent >= f64::MAX.ln()
     }
 
     /// Why forces on one of the particles with these `ids` are not finite, at the state `y` and the time `t` (s),
