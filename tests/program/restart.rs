@@ -252,7 +252,7 @@ fn a_killed_run_keeps_the_frames_that_were_forced_to_the_disk() {
             ("output.sync", sync),
             ("output.interval", "0.001"),
             ("checkpoint.interval", "10"),
-            ("t_end", "1000"),
+            ("t_end", "100"),
         ];
         let sets: Vec<String> = sets.iter().map(|(key, value)| format!("--set={key}={value}")).collect();
         let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
