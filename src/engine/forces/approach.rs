@@ -48,15 +48,24 @@ struct Approach {
 }
 
 impl Approach {
+    /// Approaches that are not faster than this (m/s) do not count: their rates are at most 4 v over 0.6/kappa, and
+    /// at most v + sqrt(0.3 g/kappa) over it.
+    #[inline(always)]
+    fn slow(&self) -> f64 {
+        let way = DEPTH / self.law.kappa;
+        let reach = self.most * way;
+        (reach / MOST_FALL).max(reach - (0.5 * self.gravity * way).sqrt())
+    }
+
     /// Takes a contact into account. `closing` (m^2/s) is the speed of the approach times the distance.
     ///
     /// The gap (m) is the distance less `surfaces`. `m_e` is the effective mass over that of a particle.
     #[inline(always)]
     fn take(&mut self, closing: f64, squared_distance: f64, surfaces: f64, m_e: f64) {
         let LawParameters { kappa, f_0, l_max, .. } = self.law;
-        // The rate is at most 4 kappa v/0.6. Most contacts end here.
-        let least = self.most / MOST_FALL;
-        if closing <= 0.0 || (closing * kappa / DEPTH).powi(2) <= least * least * squared_distance {
+        // Most contacts end here.
+        let slow = self.slow();
+        if closing <= 0.0 || closing * closing <= slow * slow * squared_distance {
             return;
         }
         let distance = squared_distance.sqrt();
@@ -91,8 +100,8 @@ impl Forces {
             let (block, bodies) = (&blocks[0], &block_bodies[0].bodies);
             let squares = bodies.chunks_exact(width).map(|body| velocity(body).norm_squared());
             let fastest = squares.fold(0.0, larger).sqrt();
-            // No rate is more than kappa times the sum of two speeds. The margin is more than rounding.
-            if 2.0 * MOST_FALL * fastest * law.kappa / DEPTH * (1.0 + 1e-9) <= least {
+            // No approach is faster than the sum of two speeds. The margin is more than rounding.
+            if 2.0 * fastest * (1.0 + 1e-9) <= approach.slow() {
                 return least;
             }
             let body = |slot: u32| &bodies[slot as usize * width..];

@@ -348,13 +348,25 @@ impl Batch {
         moments: bool,
     ) -> u64 {
         let mut elsewhere = 0;
-        for (quad, pairs) in pairs.chunks(4).enumerate() {
-            let k = 4 * quad;
+        let sides = |k: usize| {
             let (heads, tails) = self.actions::<L, N>(k, &self.spins);
             let of_partner = if moments { self.actions::<L, N>(k, &self.turns) } else { (heads, tails) };
-            for (p, &pair) in pairs.iter().enumerate() {
-                let sides = [(heads[p], tails[p]), (of_partner.0[p], of_partner.1[p])];
-                elsewhere += self.add::<L, N>(k + p, pair, sides, slopes);
+            ((heads, tails), of_partner)
+        };
+        let (fours, rest) = pairs.as_chunks::<4>();
+        for (quad, pairs) in fours.iter().enumerate() {
+            let ((heads, tails), (other_heads, other_tails)) = sides(4 * quad);
+            for p in 0..4 {
+                let both = [(heads[p], tails[p]), (other_heads[p], other_tails[p])];
+                elsewhere += self.add::<L, N>(4 * quad + p, pairs[p], both, slopes);
+            }
+        }
+        if !rest.is_empty() {
+            let first = 4 * fours.len();
+            let ((heads, tails), (other_heads, other_tails)) = sides(first);
+            for (p, &pair) in rest.iter().enumerate() {
+                let both = [(heads[p], tails[p]), (other_heads[p], other_tails[p])];
+                elsewhere += self.add::<L, N>(first + p, pair, both, slopes);
             }
         }
         elsewhere
