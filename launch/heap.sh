@@ -3,9 +3,9 @@
 # resistance. A block of spheres, 13 x 13 wide, is let go above a plane.
 #   launch/heap.sh                        a table: half an hour on two cores
 #   COEFFICIENTS="0.5" ROLLING="0.1 0.2" launch/heap.sh
-#   KAPPA=500 T_END=30                    stiffness (1/m) and time (s); angles are those at 10 s and at the end
-# The angle is that of a line through the heights of the heap over the distance from its middle, between a fifth
-# and four fifths of its top. A height is the volume of the spheres in a ring over its area and over 0.6.
+#   KAPPA=500 T_END=30                    stiffness (1/m), time (s); angles are at 10 s and at the end
+# The angle is that of a line through the heights of the heap over the distance from its middle, between a
+# fifth and four fifths of its top. A height is the volume of the spheres in a ring over its area and over 0.6.
 set -euo pipefail
 # shellcheck source=launch/measure.sh
 . "$(dirname "${BASH_SOURCE[0]}")/measure.sh"

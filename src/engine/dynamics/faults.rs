@@ -51,8 +51,8 @@ impl Dynamics<'_> {
         exponent.is_nan() || exponent >= f64::MAX.ln()
     }
 
-    /// Why forces on one of the particles with these `ids` are not finite, at the state `y` and the time `t` (s),
-    /// where no repulsion overflows: the particle whose state is larger. Collective.
+    /// Why forces on one of the particles with these `ids` are not finite, at the state `y` and the time `t`
+    /// (s), where no repulsion overflows: the particle whose state is larger. Collective.
     fn out_of_range(&self, ids: [f64; 2], y: &[f64], t: f64) -> Error {
         let (layout, r) = (&self.layout, self.law().r);
         let sizes = |id: f64| {

@@ -30,8 +30,8 @@ const SHARE: f64 = 0.01;
 /// within an impact by Merson's method at the default tolerance, with 0.6 by 0.9 %; beds take the same work.
 const DEPTH: f64 = 0.6;
 
-/// Gravity makes an approach at most this many times as fast as it is now, on average. A sphere that hops on a
-/// hard floor would else fall into it within a step that its small speed allows.
+/// Gravity makes an approach at most this many times as fast as it is now, on average. A sphere that hops on
+/// a hard floor would else fall into it within a step that its small speed allows.
 const MOST_FALL: f64 = 4.0;
 
 /// Finds the fastest approach: the largest v/(max(0, l - l_c) + 0.6/kappa), 1/s.
@@ -48,8 +48,8 @@ struct Approach {
 }
 
 impl Approach {
-    /// Approaches that are not faster than this (m/s) do not count: their rates are at most 4 v over 0.6/kappa, and
-    /// at most v + sqrt(0.3 g/kappa) over it.
+    /// Approaches that are not faster than this (m/s) do not count: their rates are at most 4 v over
+    /// 0.6/kappa, and at most v + sqrt(0.3 g/kappa) over it.
     #[inline(always)]
     fn slow(&self) -> f64 {
         let way = DEPTH / self.law.kappa;

@@ -285,8 +285,8 @@ impl Batch {
         }
     }
 
-    /// Adds the moments of `resist` to the torques of `evaluate` in the first `count` rows. Torques on partners
-    /// differ from now on.
+    /// Adds the moments of `resist` to the torques of `evaluate` in the first `count` rows. Torques on
+    /// partners differ from now on.
     #[inline(always)]
     pub fn add_moments(&mut self, count: usize) {
         for c in 0..3 {

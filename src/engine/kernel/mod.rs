@@ -81,11 +81,11 @@ impl Memories<'_> {
 pub trait Kernel: Send + Sync {
     /// Numbers in a row of the state.
     fn width(&self) -> usize;
-    /// The elements of a contact, with how many numbers each has in its memory, in their order; none for a law
-    /// without memory.
+    /// The elements of a contact, with how many numbers each has in its memory, in their order; none for a
+    /// law without memory.
     fn elements(&self) -> &[(usize, Dahl)];
-    /// Numbers in the memory of a contact. Threes of them are vectors, which change sign when its bodies change
-    /// places; what is left over are numbers that do not.
+    /// Numbers in the memory of a contact. Threes of them are vectors, which change sign when its bodies
+    /// change places; what is left over are numbers that do not.
     fn memory(&self) -> usize {
         self.elements().iter().map(|(numbers, _)| numbers).sum()
     }

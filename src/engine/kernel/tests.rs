@@ -175,7 +175,8 @@ fn one_by_one(
     (found.force, turnings, rates, power)
 }
 
-/// Numbers in -1..1 for the contact of bodies `a` and `b`, or of body `a` with wall `b` - 1000, as `a` sees it.
+/// Numbers in -1..1 for the contact of bodies `a` and `b`, or of body `a` with wall `b` - 1000, as `a` sees
+/// it.
 fn memory_of(a: usize, b: usize, numbers: usize) -> Vec<f64> {
     let mut random = ChaCha8Rng::seed_from_u64((a.min(b) * 2000 + a.max(b)) as u64);
     turned_round(a > b, (0..numbers).map(|_| 2.0 * random.random::<f64>() - 1.0).collect())
@@ -188,7 +189,8 @@ fn turned_round(turned: bool, mut memory: Vec<f64>) -> Vec<f64> {
     memory
 }
 
-/// Slopes of all bodies, the rate of every contact by its bodies, and the power of friction in units of 2^-40.
+/// Slopes of all bodies, the rate of every contact by its bodies, and the power of friction in units of
+/// 2^-40.
 type Remembered = (Vec<f64>, Vec<([usize; 2], Vec<f64>)>, i128);
 
 fn remembered(kernel: &dyn Kernel, blocks: usize) -> Remembered {
