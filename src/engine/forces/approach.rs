@@ -180,6 +180,18 @@ mod tests {
     }
 
     #[test]
+    fn what_is_skipped_early_would_not_have_counted() {
+        for (speed, gap) in [(1e-3, 1e-4), (0.05, 1e-3), (0.05, 1e-4), (1.0, 0.01), (10.0, 1e-3), (10.0, 0.0)]
+        {
+            for gravity in [0.0, 9.81] {
+                let exact = falling(speed, gap, 0.0, gravity);
+                assert_eq!(falling(speed, gap, 0.999999 * exact, gravity), exact, "{speed} m/s at {gap} m");
+                assert_eq!(falling(speed, gap, 1.000001 * exact, gravity), 1.000001 * exact);
+            }
+        }
+    }
+
+    #[test]
     fn what_separates_is_far_or_forbids_nothing_does_not_count() {
         assert_eq!(rate(-1.0, 0.0, 0.0), 0.0);
         assert_eq!(rate(1.0, 0.023, 0.0), 0.0);
