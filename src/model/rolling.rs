@@ -36,12 +36,13 @@ use crate::model::history::{MemoryParameters, Partner, SHEAR, Touch, Turn};
 ///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 1.0, psi: 10.0, phi: 0.3, v_min: 0.01,
 ///     memory: Some(memory),
 /// };
-/// let resistance = Resistance::new(&law, &memory).unwrap();
+/// let resistance = Resistance::new(&law, &memory).expect("rolling is above 0");
+/// let rolling = resistance.rolling.expect("rolling is above 0");
 /// assert!(resistance.twisting.is_none());
 /// // A sphere that has rolled on: the moment over the radius is 0.05 times the normal force of 10 N.
 /// let (n, zero, spin) = (Vec3::z(), Vec3::zeros(), 1e-9 * Vec3::x());
 /// let touch = Touch { gap: 0.0, n: &n, v_rel: &zero, spins: &spin, memory: &Vec3::x() };
-/// let found = resistance.roll::<Separate>(&resistance.rolling.unwrap(), Partner::Wall, touch, &spin);
+/// let found = resistance.roll::<Separate>(&rolling, Partner::Wall, touch, &spin);
 /// assert!((found.moment + Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-7); // N
 /// ```
 #[derive(Debug, Clone, Copy)]

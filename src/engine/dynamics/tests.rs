@@ -374,8 +374,7 @@ fn a_memory_keeps_its_direction_where_new_lists_turn_the_pair_round() {
     // Shear and rolling along y, and a twist.
     start.y[18..].copy_from_slice(&[0.0, 0.3, 0.0, 0.0, 0.4, 0.0, 0.5]);
     let before = first_slope(&mut dynamics, &mut start);
-    // Elastic friction is -L_0 s p over the mass. Moments over the radius have half of that form, for R =
-    // r/2.
+    // Elastic friction is -L_0 s p over the mass. Moments over the radius are half of that, as R = r/2.
     let s = (0.5f64 * 150.0 * 0.05).exp();
     let limit = |coefficient: f64| coefficient * 0.58 * 10.0 * s;
     let spin_per_force = 0.1 * 0.1 * 40.0;
