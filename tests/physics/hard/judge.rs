@@ -23,8 +23,9 @@ const ENERGY_OF_VERLET: f64 = 1e-3;
 /// A bed has settled when a particle has less than this share of m g r (of F_0/kappa without gravity) as
 /// kinetic energy.
 const AT_REST: f64 = 1e-3;
-/// Seconds that a run may take: far more than any does, so that it fails only where steps never end.
-const PATIENCE: f64 = 60.0;
+/// Seconds that a run may take, so that one whose steps never end fails. It must not be reached by three ranks
+/// that wait for each other on two busy cores: they take a hundred times what one takes alone.
+const PATIENCE: f64 = 600.0;
 
 /// What a run told.
 #[derive(Debug)]
