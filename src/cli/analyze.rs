@@ -9,6 +9,7 @@ use crate::beds::report::{Measured, write};
 use crate::domain::launch;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, Which};
+use crate::math::digits::short;
 
 /// Which bed to measure, and where to write the results.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -63,7 +64,7 @@ fn table(run_file: &RunFile, measured: &Measured, folder: &Path, files: usize) -
         run_file.path().display(),
         measured.last().frame,
         run_file.frames,
-        measured.last().time,
+        short(measured.last().time),
         run_file.count,
         if run_file.completed { "" } else { ", the run is not complete" },
     )];

@@ -1,6 +1,6 @@
 //! The walls of a scene: the sides of its box and the planes of `container.wall`.
 
-use crate::math::digits::triple;
+use crate::math::digits::{short, triple};
 use crate::math::vector::Vec3;
 use crate::model::wall::Wall;
 use crate::scene;
@@ -20,8 +20,10 @@ pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
                         v[axis] = length;
                         v
                     };
-                    let name =
-                        format!("the side {letter} = {position} m of the box (container.box.{corner})");
+                    let name = format!(
+                        "the side {letter} = {} m of the box (container.box.{corner})",
+                        short(position)
+                    );
                     walls.push((Wall::new(along(position), along(sign)), name));
                 }
             }

@@ -3,13 +3,14 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use super::centres;
 use super::figures::Figure;
 use super::measured::Measured;
 use super::picture::picture;
-use super::{centres, short};
 use crate::beds::folder::cannot_write;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
+use crate::math::digits::short;
 
 const STYLE: &str = "\
 body{font:15px/1.5 system-ui,sans-serif;color:#222;margin:0 auto;padding:1rem 1.5rem;max-width:1240px}

@@ -175,7 +175,6 @@ impl Execution<'_> {
         let mut recorder = Recorder {
             comm,
             output,
-            scene,
             info: &info,
             path: self.path,
             interrupts: &interrupts,
@@ -237,7 +236,6 @@ impl Execution<'_> {
 struct Recorder<'a> {
     comm: &'a dyn Comm,
     output: Output<'a>,
-    scene: &'a Scene,
     info: &'a RunInfo,
     path: &'a Path,
     interrupts: &'a Interrupts,
@@ -295,10 +293,6 @@ impl Observer for Recorder<'_> {
             wall_seconds: self.wall_seconds(),
             seconds: seconds(&frame.clocks, frame.output_seconds),
         };
-        let overlap = report::overlap_warning(self.scene, frame.largest_overlap);
-        if let (0, true, Some(warning)) = (self.next, frame.first == 0 && !frame.rows.is_empty(), overlap) {
-            launch::say(&warning);
-        }
         if self.next >= self.kept {
             self.output.append(&rows, &measures)?;
             self.written += 1;

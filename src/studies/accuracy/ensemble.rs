@@ -6,6 +6,7 @@ use super::impact::floors;
 use super::records::{Measure, Record, Solver, Statistic, Stepper, Study};
 use super::solvers::with_solver;
 use crate::beds::measures::bed::{bed_region, mean_coordination_number, union_volume_fraction};
+use crate::math::digits::short;
 use crate::math::interval::{Interval, interval};
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
@@ -101,7 +102,8 @@ pub fn study(
     }
     if let Some(best) = best {
         notes.push(format!(
-            "ensemble: beds at t = {until:.4} s from {} initial states; differences are to {}",
+            "ensemble: beds at t = {} s from {} initial states; differences are to {}",
+            short(until),
             starts.len(),
             best.label()
         ));
