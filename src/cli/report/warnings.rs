@@ -9,6 +9,7 @@ use crate::model::effects::{Effects, FrictionLaw, Variant};
 use crate::ode::{Limit, NormName};
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
+use crate::scene::stop::Rest;
 use crate::scene::walls::described_walls;
 
 /// Warnings about a scene and its particles that can be given before a run.
@@ -19,6 +20,7 @@ pub fn forewarnings(scene: &Scene, start: &InitialCondition) -> Vec<String> {
     warnings.extend(wall_barrier_warning(scene, start));
     warnings.extend(pair_barrier_warning(scene, start));
     warnings.extend(loose_tolerance_warning(scene, start).or_else(|| shivering_warning(scene, start)));
+    warnings.extend(long_window_warning(scene, start));
     warnings
 }
 
@@ -217,6 +219,19 @@ fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -> Option<St
              {wrong}; only how far a particle may move in a step does, and contacts may create energy; the \
              default is 0.1",
             short(tolerance)
+        )
+    })
+}
+
+/// Warns if the run is over before particles can have been at rest for long enough.
+fn long_window_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
+    let window = Rest::of(scene, initial_condition::velocity_scale(scene, start))?.window;
+    (window >= scene.t_end).then(|| {
+        format!(
+            "warning: [stop] cannot end the run: its window of {} s (stop.window) is not shorter than t_end = \
+             {} s",
+            short(window),
+            short(scene.t_end)
         )
     })
 }
