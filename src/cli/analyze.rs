@@ -9,6 +9,7 @@ use crate::beds::report::{Measured, write};
 use crate::domain::launch;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, Which};
+use crate::scene::caveats::caveats;
 
 /// Which bed to measure, and where to write the results.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -69,6 +70,7 @@ fn table(run_file: &RunFile, measured: &Measured, folder: &Path, files: usize) -
     )];
     lines.push(format!("measured in {}", measured.region_words));
     lines.extend(measured.findings().iter().map(|(name, value)| format!("  {name:<36}{value}")));
+    lines.extend(caveats(&run_file.scene).iter().map(|caveat| format!("  note: {caveat}")));
     lines.push(format!("{files} files in {}; report.html shows all of it", folder.display()));
     lines.join("\n") + "\n"
 }

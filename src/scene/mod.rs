@@ -5,6 +5,7 @@
 //!
 //! [`initial_condition`] checks what depends on the positions of particles.
 
+pub mod caveats;
 mod check;
 pub mod effects;
 pub mod initial_condition;
