@@ -7,7 +7,7 @@ use crate::beds::folder::{prepare, stem};
 use crate::beds::measures::contacts::SHARE;
 use crate::beds::measures::row::{Row, centres};
 use crate::beds::report::{Measured, write};
-use crate::domain::launch;
+use crate::domain::stdout;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, Which};
 use crate::scene::caveats::caveats;
@@ -54,7 +54,7 @@ pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
     let last = run_file.state(frames[frames.len() - 1])?;
     let (region, words) = args.region.region().of(&run_file.scene, &centres(&last));
     let folder = args.output.clone().unwrap_or_else(|| format!("{}-analysis", stem(&args.run)).into());
-    prepare(&folder, args.force)?;
+    let _lock = prepare(&folder, args.force)?;
 
     let mut rows = Vec::new();
     for &k in &frames[..frames.len() - 1] {
@@ -62,8 +62,8 @@ pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
     }
     let measured = Measured::of(&run_file, &last, &region, words, args.share, rows)?;
     let written = write(&folder, &stem(&args.run), &run_file, &measured, &last)?;
-    launch::print(&table(&run_file, &measured, &folder, written));
-    Ok(())
+    let kept = format!("; the files in {} are complete", folder.display());
+    stdout::print(&table(&run_file, &measured, &folder, written), &kept)
 }
 
 fn share(text: &str) -> Result<f64, String> {
