@@ -10,6 +10,7 @@ use crate::beds::report::{Measured, write};
 use crate::domain::stdout;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, Which};
+use crate::math::digits::short;
 use crate::scene::caveats::caveats;
 
 /// Which bed to measure, and where to write the results.
@@ -81,7 +82,7 @@ fn table(run_file: &RunFile, measured: &Measured, folder: &Path, files: usize) -
         run_file.path().display(),
         measured.last().frame,
         run_file.frames,
-        measured.last().time,
+        short(measured.last().time),
         run_file.count,
         if run_file.completed { "" } else { ", the run is not complete" },
     )];

@@ -73,7 +73,7 @@ pub(super) const KEYS: &[Key] = &[
     required("t_end", Number(Positive), "the simulated time in s", "8.0"),
     optional("gravity", Vector { open: false }, "the acceleration of gravity in m/s^2", "[0.0, 0.0, -9.81]"),
     required("particles", Table,
-             "the table of the spheres and their source", "{ radius = 0.1, file = \"start.csv\" }"),
+             "the table of the spheres and their source", "{ radius = 0.1, mass = 1, file = \"start.csv\" }"),
     optional("container", Table,
              "the table of the walls", "{ box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] } }"),
     required("contact", Table, "the table of the contact law",
@@ -89,7 +89,8 @@ pub(super) const KEYS: &[Key] = &[
              "the table of when the spheres are at rest, which ends the run", "{ kinetic_energy = 1e-6 }"),
 
     required("particles.radius", Number(Positive), "the radius r of every sphere in m", "0.1"),
-    optional("particles.mass", Number(Positive), "the mass of one sphere in kg", "1.0"),
+    required("particles.mass", Number(Positive),
+             "the mass of one sphere, 4/3 pi r^3 times its density, in kg", "1.0"),
     optional("particles.file", Text, "the path of a CSV file with the columns x,y,z", "\"start.csv\""),
     optional("particles.grid", Table,
              "the table of the randomly perturbed grid", "{ count = 200, spacing = 0.25 }"),

@@ -16,7 +16,7 @@ fn bed(x: &[[f64; 3]], container: &str) -> TempDir {
     fs::write(folder.path().join("bed.csv"), format!("x,y,z\n{rows}")).unwrap();
     let scene = format!(
         "t_end = 1e-4
-         particles = {{ radius = {R}, file = 'bed.csv' }}
+         particles = {{ radius = {R}, mass = 1, file = 'bed.csv' }}
          {container}
          contact = {{ repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
                       dissipation_focusing = 10, interaction_distance = 0.05 }}

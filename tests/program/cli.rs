@@ -12,6 +12,7 @@ t_end = 0.1
 gravity = [0.0, 0.0, -9.81]
 [particles]
 radius = 0.1
+mass = 1.0
 [particles.grid]
 count = 8
 spacing = 0.21

@@ -3,13 +3,14 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use super::centres;
 use super::figures::Figure;
 use super::measured::Measured;
 use super::picture::picture;
-use super::{centres, short};
 use crate::beds::folder::cannot_write;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
+use crate::math::digits::short;
 use crate::scene::caveats::caveats;
 
 const STYLE: &str = "\

@@ -10,7 +10,9 @@ use crate::ode::{Ivp, Limit, Norm, StepControl, StepRule, StepStart, TrialStep};
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 use crate::scene::stop::Rest;
+use crate::scene::walls::described_walls;
 pub use cutoff::{cutoff, neglected_force};
+pub use failure::pressed;
 pub use frame_summary::FrameSummary;
 pub use memory::{Memory, Remembered, Snapshot};
 pub use observer::{Frame, Observer, Outcome};
@@ -67,6 +69,8 @@ pub struct Simulation<'c> {
     /// Largest gap at which the stabilised method evaluates contacts, m.
     cutoff: f64,
     norm: Norm,
+    /// Names of the walls for messages, in order.
+    wall_names: Vec<String>,
     /// The last accepted state of the owned particles, and what is known there.
     step_start: StepStart,
     trial: TrialStep,
@@ -156,6 +160,7 @@ impl<'c> Simulation<'c> {
             tolerance: control.tolerance / tightening(scene),
             cutoff: cutoff(scene, scale),
             norm,
+            wall_names: described_walls(&scene.container).into_iter().map(|(_, name)| name).collect(),
             control,
             step_start: StepStart::new(0.0, Vec::new()),
             trial: TrialStep::default(),
