@@ -294,6 +294,15 @@ pub enum Error {
         why: String,
     },
 
+    /// All is done, but what the program has to say could not be printed.
+    #[error("cannot write to stdout: {why}{kept}")]
+    Print {
+        /// The error message of the system.
+        why: String,
+        /// What there is all the same, after a semicolon; or nothing.
+        kept: String,
+    },
+
     /// The run was stopped on request, after it had written a checkpoint.
     #[error("stopped by {request} at t = {} s; demhybrid --resume {file} goes on from there", short(*t))]
     Stopped {
@@ -347,7 +356,10 @@ impl Error {
             | Error::NoRun { .. }
             | Error::WorkLimit { .. } => 3,
             Error::Elsewhere { code } => *code,
-            Error::Output { .. } | Error::Replaced { .. } | Error::Checkpoint { .. } => 4,
+            Error::Output { .. }
+            | Error::Replaced { .. }
+            | Error::Checkpoint { .. }
+            | Error::Print { .. } => 4,
             Error::Stopped { .. } => 5,
             Error::Migration { .. } => 70,
         }

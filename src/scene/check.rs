@@ -5,8 +5,9 @@ use toml::de::{DeInteger, DeTable, DeValue};
 
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
+use super::stop::Stop;
 use super::walls::{walls, walls_without_room};
-use super::{BoxSides, Checkpoint, Container, Grid, Scene, Stop};
+use super::{BoxSides, Checkpoint, Container, Grid, Scene};
 use crate::error::Error;
 use crate::math::digits::{rough, short};
 use crate::model::effects::FrictionLaw;
@@ -426,11 +427,15 @@ fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
 
 /// Checks that `[stop]`, if given, has a criterion, and `[checkpoint]`, if given, one of its two times.
 fn checkpoints(source: &Source, scene: &Scene) -> Result<(), Error> {
-    if let Some(Stop { kinetic_energy: None, unbalanced_force: None, height_change: None, .. }) = scene.stop {
+    let none = |stop: &Stop| {
+        let Stop { kinetic_energy, unbalanced_force, height_change, speed, .. } = stop;
+        [kinetic_energy, unbalanced_force, height_change, speed].into_iter().all(Option::is_none)
+    };
+    if scene.stop.as_ref().is_some_and(none) {
         return Err(source.error(
             source.key("stop"),
-            "[stop] needs kinetic_energy (J a sphere), unbalanced_force or height_change (m), e.g. \
-             kinetic_energy = 1e-6",
+            "[stop] needs kinetic_energy (J a sphere), unbalanced_force, height_change (m) or speed (m/s), \
+             e.g. unbalanced_force = 1e-3",
         ));
     }
     match &scene.checkpoint {

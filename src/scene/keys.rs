@@ -1,6 +1,7 @@
 //! The list of all keys of a scene, with type, range, unit and a typical value. Messages quote it.
 
 use super::SyncEvery;
+use super::stop::Units;
 use crate::model::effects::FrictionLaw;
 use crate::ode::{MethodName, NormName};
 use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word, WordOrNumber};
@@ -166,8 +167,11 @@ pub(super) const KEYS: &[Key] = &[
              "the sum of net forces at rest over that of contact forces and weights, at most", "1e-3"),
     optional("stop.height_change", Number(Positive),
              "the change of the height of the bed at rest in m, at most", "1e-5"),
+    optional("stop.speed", Number(Positive),
+             "the speed of every sphere at rest in m/s, at most", "0.01"),
     optional("stop.window", Number(Positive),
              "the simulated time in s for which the spheres must be at rest", "0.1"),
+    optional("stop.units", Word(Units::NAMES), "the units of [stop]: SI, or those of the scene", "\"scene\""),
 
     optional("limits.wall", Number(Positive),
              "the wall time in s after which the run saves itself and stops", "3600.0"),

@@ -5,12 +5,14 @@
 //!
 //! [`initial_condition`] checks what depends on the positions of particles.
 
+pub mod caveats;
 mod check;
 pub mod effects;
 pub mod initial_condition;
 mod keys;
 mod schema;
 mod source;
+pub mod stop;
 mod sync_every;
 pub mod walls;
 
@@ -71,7 +73,7 @@ pub struct Scene {
     /// Limits that stop the run early.
     pub limits: Option<Limits>,
     /// When the particles count as at rest, which ends the run.
-    pub stop: Option<Stop>,
+    pub stop: Option<stop::Stop>,
 }
 
 /// Identical spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
@@ -313,28 +315,6 @@ pub struct Checkpoint {
 pub struct Limits {
     /// Wall time after which the run writes a checkpoint and stops, s; > 0.
     pub wall: Option<f64>,
-}
-
-/// When the particles count as at rest: one of the first three criteria has held for the time `window`.
-///
-/// At least one of these criteria is `Some`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Stop {
-    /// Largest mean kinetic energy of a particle, J; > 0.
-    pub kinetic_energy: Option<f64>,
-    /// Largest unbalanced force ([`crate::engine::dynamics::Dynamics::unbalanced_force`]); > 0.
-    pub unbalanced_force: Option<f64>,
-    /// Largest change of the height of the bed, m; > 0.
-    pub height_change: Option<f64>,
-    /// Simulated time for which a criterion must hold, s; > 0.
-    pub window: f64,
-}
-
-impl Default for Stop {
-    fn default() -> Self {
-        Stop { kinetic_energy: None, unbalanced_force: None, height_change: None, window: 0.1 }
-    }
 }
 
 impl Scene {

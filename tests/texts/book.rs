@@ -123,6 +123,8 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
         ("solver.neglected_force", "from the tolerance"),
         ("solver.tolerance", "0.1, less for a small `friction.regularization_velocity`"),
         ("solver.velocity_scale", "from gravity and radius"),
+        ("stop.speed", "0.01 v, at least 5 v_min"),
+        ("stop.window", "r/v"),
     ]);
     assert_eq!(resolved["output"]["file"].as_str(), Some("bed.vtkhdf"));
     assert_eq!(resolved["output"]["interval"].as_float(), Some(8.0 / 100.0));

@@ -10,6 +10,7 @@ use crate::model::wall::Wall;
 use crate::ode::NormName;
 use crate::scene::initial_condition::overlaps::{DEEP, Overlaps, Partner, overlaps};
 use crate::scene::initial_condition::{self, InitialCondition};
+use crate::scene::stop::Rest;
 use crate::scene::walls::described_walls;
 use crate::scene::{DEFAULT_TOLERANCE, Grid, Scene, effects, shown};
 
@@ -25,6 +26,7 @@ pub fn forewarnings(scene: &Scene, start: &InitialCondition) -> Vec<String> {
     warnings.extend(pair_barrier_warning(scene, start));
     warnings.extend(loose_tolerance_warning(scene, start).or_else(|| shivering_warning(scene, start)));
     warnings.extend(long_min_step_warning(scene, start));
+    warnings.extend(long_window_warning(scene, start));
     warnings
 }
 
@@ -317,6 +319,19 @@ pub(super) fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -
              less would do",
             short(tolerance),
             short(at_most(DEFAULT_TOLERANCE.min(0.1 * most / tightening(scene))))
+        )
+    })
+}
+
+/// Warns if the run is over before particles can have been at rest for long enough.
+fn long_window_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
+    let window = Rest::of(scene, initial_condition::velocity_scale(scene, start))?.window;
+    (window >= scene.t_end).then(|| {
+        format!(
+            "warning: [stop] cannot end the run: its window of {} s (stop.window) is not shorter than t_end = \
+             {} s",
+            short(window),
+            short(scene.t_end)
         )
     })
 }

@@ -8,6 +8,7 @@ use crate::math::digits::{bytes as size, rough, short};
 use crate::model::effects::Effects;
 use crate::ode::{Limit, NormName};
 use crate::scene::initial_condition::{self, InitialCondition};
+use crate::scene::stop::Rest;
 use crate::scene::{DEFAULT_TOLERANCE, Scene};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::cell::OnceCell;
@@ -90,6 +91,22 @@ fn checkpoints(scene: &Scene, count: u64) -> String {
     format!("{}, two files, {} at most", when.join(" and "), size(checkpoint_bytes(scene, count)))
 }
 
+/// Describes when the particles count as at rest.
+fn at_rest(rest: Rest) -> String {
+    let criteria = [
+        rest.kinetic_energy.map(|most| format!("mean kinetic energy at most {} J", short(most))),
+        rest.unbalanced_force.map(|most| format!("unbalanced force at most {}", short(most))),
+        rest.height_change.map(|most| format!("change of height at most {} m", short(most))),
+    ];
+    let any = criteria.into_iter().flatten().collect::<Vec<_>>().join(" or ");
+    let and = if rest.is_speed_alone() { "" } else { ", and " };
+    format!(
+        "ends the run: {any}{and}no particle faster than {} m/s, for {} s",
+        short(rest.speed),
+        short(rest.window)
+    )
+}
+
 /// Describes the method and the step control of the scene with these particles.
 fn solver(scene: &Scene, start: &InitialCondition) -> String {
     let solver = &scene.solver;
@@ -149,6 +166,7 @@ pub fn plan(
     line("time", format!("to t = {} s, {} frames", short(scene.t_end), frames(scene)));
     line("solver", solver(scene, start));
     line("contacts", contacts(scene, cutoff(scene, scale)));
+    line("rest", Rest::of(scene, scale).map_or_else(|| "not looked for: no [stop]".to_owned(), at_rest));
     let per_particle = bytes_per_particle(scene);
     let start_bytes = START_BYTES * count * comm.size() as u64;
     line(
@@ -293,11 +311,9 @@ pub fn summary(
         format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"),
     );
     line("step sizes", step_sizes(&limits));
-    if let Some(by) = outcome.at_rest_by {
-        line(
-            "at rest",
-            format!("by {by} for {} s", short(scene.stop.as_ref().map_or(0.0, |stop| stop.window))),
-        );
+    if let (Some(by), Some(rest)) = (outcome.at_rest_by, outcome.rest) {
+        let [window, speed] = [rest.window, rest.speed].map(short);
+        line("at rest", format!("by {by} for {window} s, no particle faster than {speed} m/s"));
     }
     line("method", format!("{}; {}", outcome.choice, step_control(scene, outcome.tolerance)));
     line("contacts", contacts(scene, outcome.cutoff));

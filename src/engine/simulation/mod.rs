@@ -7,9 +7,10 @@ use crate::math::instructions::InstructionSet;
 use crate::model::columns::{Changes, Columns, SPIN, put_spins};
 use crate::ode::integrator::Integrator;
 use crate::ode::{Ivp, Limit, Norm, StepControl, StepRule, StepStart, TrialStep};
+use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
+use crate::scene::stop::Rest;
 use crate::scene::walls::described_walls;
-use crate::scene::{Scene, Stop};
 pub use cutoff::{cutoff, neglected_force};
 pub use failure::pressed;
 pub use frame_summary::FrameSummary;
@@ -76,7 +77,7 @@ pub struct Simulation<'c> {
     progress: Progress,
     schedule: Schedule,
     /// When the run ends because the particles are at rest.
-    stop: Option<Stop>,
+    rest: Option<Rest>,
     /// Whether a step has been accepted in this process.
     moved_on: bool,
     /// The memory of the run before the last trial.
@@ -165,7 +166,7 @@ impl<'c> Simulation<'c> {
             trial: TrialStep::default(),
             progress: Progress::new(h),
             schedule: Schedule::new(scene),
-            stop: scene.stop.clone(),
+            rest: Rest::of(scene, scale),
             moved_on: false,
             memory: None,
             clock: WallClock { started: Instant::now(), output_seconds: 0.0 },
