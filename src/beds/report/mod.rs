@@ -9,12 +9,9 @@ mod tables;
 use std::path::Path;
 
 use crate::beds::measures::row::centres;
-use crate::beds::measures::structure;
-use crate::beds::measures::union::Region;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
 use crate::math::digits::significant;
-use crate::math::vector::Vec3;
 pub use measured::Measured;
 
 /// Writes tables, figures and the page about `run` into `folder`; returns the number of files.
@@ -34,9 +31,4 @@ pub fn write(
 /// The number with six digits.
 fn short(value: f64) -> String {
     significant(value, 6)
-}
-
-/// The box in which the radial distribution is measured. It holds all positions that centres can have.
-fn box_of_centres(run_file: &RunFile, region: &Region) -> (Vec3, Vec3) {
-    structure::room_of_centres(&run_file.scene, region)
 }
