@@ -85,13 +85,11 @@ Examples:
 Volumes are those of the union of all spheres inside the region, exact to 1e-9 of it; \
 what spheres cover several times
 is reported apart, and the paper's own count in [0, 1]^3, which counts it as often, beside it. \
-A region is what all walls
-enclose, cut by --layer, --box or --cylinder. Where the walls are open it ends with the spheres, so --whole \
-ends at the bed height.
-Without these options it is the bed without its top: up to the least width of the bed, or, where less than a tenth \
-of the
-centres lie above that, up to the height below which three quarters of them lie. Heights are above the lowest point
-inside all walls, against gravity.
+A region is what all walls enclose,
+cut by --layer, --box or --cylinder. Where the walls are open it ends with the spheres, so --whole ends at the
+bed height. Without these options it is the bed without its top: up to the least width of the bed, or, where
+less than a tenth of the centres lie above that, up to the height below which three quarters of them lie.
+Heights are above the lowest point inside all walls, against gravity.
 Spheres touch where their gap is not positive. \
 Rattlers have too few contacts to be held: fewer than 4, less 1 with
 gravity, less 1 with friction, walls counted and other rattlers not.";

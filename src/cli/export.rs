@@ -128,11 +128,9 @@ Examples:
 
 raw: one byte a voxel, x fastest, then y, then z; a voxel belongs to the solid if its centre does. \
 The image fills
-the box along the axes around what all walls enclose, from its lower corner; an open top is cut at the bed height, \
-other open sides
-where the spheres end. A voxel outside the walls or above the bed height, whatever the direction of gravity, is 2. \
-Shares in the
-header are of the voxels that are not 2.
+the box along the axes around what all walls enclose, from its lower corner; an open top is cut at the bed
+height, other open sides where the spheres end. A voxel outside the walls, or above the bed height where
+gravity is oblique, is 2. Shares in the header are of the voxels that are not 2.
 Positions are in m, velocities in m/s, angular velocities in 1/s. \
 Numbers in csv, xyz, vtp and lammps read back as the
 same doubles.";

@@ -28,7 +28,7 @@ impl Half {
 pub struct Face {
     /// The half-space that it bounds.
     pub half: Half,
-    /// Index of that half-space among those given; `None`: it belongs to the box from which the cutting began.
+    /// Index of that half-space among those given; `None`: it belongs to the box that was cut.
     pub source: Option<usize>,
     /// Its corners in order, m.
     pub corners: Vec<Vec3>,
@@ -241,8 +241,8 @@ pub fn across(n: &Vec3) -> (Vec3, Vec3) {
 
 /// Whether what all `halves` have in common has no end along the unit vector `d`.
 ///
-/// That is so where a direction with a part along `d` leads away from no plane. The directions of each quarter
-/// of the half-space around `d` form a cone with three edges, and every plane cuts it.
+/// That is so where some direction with a part along `d` leads out of no plane. The directions of each
+/// quarter of the half-space around `d` form a cone with three edges, and every plane cuts it.
 ///
 /// # Examples
 ///

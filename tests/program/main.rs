@@ -19,5 +19,6 @@ mod mpi;
 mod mpirun;
 mod python;
 mod readers;
+mod regions;
 mod render;
 mod restart;

@@ -13,6 +13,8 @@ pub mod request;
 pub mod row;
 #[cfg(test)]
 pub mod testing;
+#[cfg(test)]
+mod turned_tests;
 pub mod union;
 
 use crate::math::vector::Vec3;

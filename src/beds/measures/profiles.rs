@@ -21,8 +21,8 @@ fn positions(from: f64, to: f64, r: f64) -> Vec<f64> {
 
 /// Porosity over height in `region`: heights (m), and the exact porosity of the level section at each.
 ///
-/// Heights are those above the ground, against gravity. Empty for a cylinder that is oblique to gravity, whose
-/// sections are ellipses.
+/// Heights are those above the ground, against gravity. Empty for a cylinder that is oblique to gravity,
+/// whose sections are ellipses.
 ///
 /// # Examples
 ///
@@ -55,8 +55,8 @@ pub fn over_height(spheres: &Spheres, region: &Region, r: f64) -> Vec<[f64; 2]> 
 
 /// Porosity over the distance to upright walls: the distances (m), and profiles with their names.
 ///
-/// The walls are those that bound the region. Each has a profile of its own, of sections along the wall. Where
-/// they are more than six, there is one profile for all, which counts each point with its nearest wall.
+/// The walls are those that bound the region. Each has a profile of its own, of sections along the wall.
+/// Where they are more than six, there is one profile for all, which counts each point with its nearest wall.
 ///
 /// Both lists are empty if the region is a cylinder, or no upright wall bounds it.
 pub fn over_wall_distance(

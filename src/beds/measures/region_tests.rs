@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::beds::measures::request::RegionRequest;
-use crate::beds::measures::testing::{boxed, scene};
+use crate::beds::measures::testing::{boxed, scene, walled};
 
 #[track_caller]
 fn near(found: f64, exact: f64) {
@@ -24,12 +24,9 @@ fn tube() -> String {
     format!("{sides}[[container.wall]]\nnormal = [0, 0, -1]\n")
 }
 
-/// A scene whose walls are tables at its end.
-fn with_walls(gravity: &str, walls: &str) -> Scene {
-    let mut scene = scene(&format!("gravity = {gravity}"));
-    let text = format!("{}\n{walls}", scene.resolved());
-    scene = Scene::parse("bed.toml", &text, &[]).unwrap();
-    scene
+/// A scene with gravity along -z and these planes.
+fn with_walls(walls: &str) -> Scene {
+    walled("gravity = [0, 0, -9.81]", walls)
 }
 
 #[test]
@@ -72,7 +69,7 @@ fn the_bed_ends_the_region_along_gravity_whatever_its_direction() {
 
 #[test]
 fn a_tube_of_planes_is_no_box() {
-    let scene = with_walls("[0, 0, -9.81]", &tube());
+    let scene = with_walls(&tube());
     let x = [Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.0, 0.0, 1.1)];
     let region = whole(&scene, &x);
     let area = 24.0 * 0.25 * (PI / 24.0).tan();
@@ -98,7 +95,7 @@ fn a_tube_of_planes_is_no_box() {
 #[test]
 fn a_tilted_floor_cuts_a_cylinder_and_heights_start_at_the_lowest_point() {
     let floor = "[[container.wall]]\nnormal = [-1, 0, -1]\n";
-    let scene = with_walls("[0, 0, -9.81]", floor);
+    let scene = with_walls(floor);
     let request = RegionRequest::Cylinder { axis: [0.0, 0.0], radius: 0.5, ends: [-2.0, 2.0] };
     // The floor halves the cylinder, whatever its slope.
     let region = request.of(&scene, &[Vec3::new(0.0, 0.0, 1.0)]).0;
@@ -107,7 +104,7 @@ fn a_tilted_floor_cuts_a_cylinder_and_heights_start_at_the_lowest_point() {
     assert_eq!(region.upright.ground, 0.0);
     let wedge = format!("{floor}[[container.wall]]\npoint = [0, 0, -1]\nnormal = [1, 0, -1]\n");
     // The planes x + z = 0 and z - x = -1 meet at z = -1/2.
-    near(Upright::of(&with_walls("[0, 0, -9.81]", &wedge)).ground, -0.5);
+    near(Upright::of(&with_walls(&wedge)).ground, -0.5);
 }
 
 /// Centres at equal vertical distances, from 0 to `top`.
@@ -129,7 +126,7 @@ fn a_deep_bed_is_measured_as_high_as_it_is_wide() {
     assert!((low - Vec3::new(-1.0, 2.0, -3.0)).amax() < 1e-14, "{low}");
     assert!((high - Vec3::new(1.0, 2.5, -2.5)).amax() < 1e-14, "{high}");
     // In a tube, as wide as two of its sides are apart.
-    let (region, _) = RegionRequest::Bed.of(&with_walls("[0, 0, -9.81]", &tube()), &up_to(1.3));
+    let (region, _) = RegionRequest::Bed.of(&with_walls(&tube()), &up_to(1.3));
     near(region.reach(&Vec3::z()), 1.0);
 }
 

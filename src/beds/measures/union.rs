@@ -105,8 +105,8 @@ impl<'a> Spheres<'a> {
         Volumes { union: sum(0), spheres: sum(1), region: region.volume() }
     }
 
-    /// Areas (m^2) of sections of the union with planes across the unit vector `n`, at distances `at` (m) from
-    /// the origin along it. `halves(k)` and `pillar` bound the k-th section.
+    /// Areas (m^2) of sections of the union with planes across the unit vector `n`, at distances `at` (m)
+    /// from the origin along it. `halves(k)` and `pillar` bound the k-th section.
     ///
     /// The result has the same bits for any number of threads.
     pub fn sections(
@@ -312,8 +312,8 @@ impl Ball {
         found
     }
 
-    /// Area of the section with the plane across the unit vector `n`, at the distance `at` (m) from the centre
-    /// along it, m^2.
+    /// Area of the section with the plane across the unit vector `n`, at the distance `at` (m) from the
+    /// centre along it, m^2.
     fn section(&self, n: &Vec3, at: f64, flat: &mut Flat) -> f64 {
         flat.clear();
         flat.within([0.0; 2], (self.r * self.r - at * at).max(0.0).sqrt());

@@ -14,7 +14,8 @@ pub struct Edge {
     pub fades: [f64; 2],
 }
 
-/// The edges between `walls`, for a picture of spheres that end at `ends` (m) along the six ways of `upright`.
+/// The edges between `walls`, for a picture of spheres that end at `ends` (m) along the six ways of
+/// `upright`.
 ///
 /// The container is near in a direction if it ends at most half of the largest extent of the spheres beyond
 /// them. Elsewhere the edges fade out at a limit above the spheres, as they do where the container is open.

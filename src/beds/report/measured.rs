@@ -177,7 +177,7 @@ fn described(region: &Region) -> String {
     match (region.pillar(), region.as_box()) {
         (_, Some((low, high))) => format!("the box from {} to {} m", point(low), point(high)),
         (Some((axis, radius)), None) => format!(
-            "the cylinder of radius {} m around ({}, {}) m from z = {} to {} m, as far as it is inside the walls",
+            "the cylinder of radius {} m around ({}, {}) m from z = {} to {} m, inside the walls",
             short(radius),
             short(axis[0]),
             short(axis[1]),

@@ -99,8 +99,8 @@ impl Dynamics<'_> {
 
     /// Height of the highest point of any sphere, m. Collective.
     ///
-    /// It is measured against gravity, or along z without gravity, from the lowest point inside all walls. Where
-    /// the walls leave the bottom open, it is measured from the origin.
+    /// It is measured against gravity, or along z without gravity, from the lowest point inside all walls.
+    /// Where the walls leave the bottom open, it is measured from the origin.
     pub fn bed_height(&self, y: &[f64]) -> f64 {
         let up = upwards(&self.forces.parameters.gravity);
         let heights = self.domain.centres(&y[..self.particle_numbers()]).map(|x| up.dot(&x) - self.ground);
