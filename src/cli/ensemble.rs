@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 
 use super::RegionArgs;
-use crate::beds::folder::{prepare, stem};
-use crate::domain::agreement::{share, write_on_rank_0};
-use crate::domain::{Comm, launch};
+use crate::beds::folder::{prepare_together, stem};
+use crate::domain::agreement::write_on_rank_0;
+use crate::domain::{Comm, launch, stdout};
 use crate::error::Error;
 use crate::studies::ensemble::{self, Case, MEASURES, MeasureId, Plan, Request, Seeds, Vary, gather};
 use crate::studies::job_pool::JobPool;
@@ -114,23 +114,24 @@ pub fn run(args: &EnsembleArgs, comm: &dyn Comm) -> Result<(), Error> {
     let pool = JobPool::start(comm, args.threads, args.quiet)?;
     let plan = Plan { times: args.times, region: args.region.region() };
     let folder = args.folder();
-    let make_folder = || share(comm, || prepare(&folder, args.force).map(|()| String::new()));
+    let make_folder = || prepare_together(comm, &folder, args.force);
+    let _lock;
     let cases = match args.gather.first() {
         None => {
             let cases = ensemble::load(&args.request(), comm)?;
-            make_folder()?;
+            _lock = make_folder()?;
             ensemble::run(&pool, &cases, &args.seeds.0, &plan)
         }
         Some(_) => {
             let found = gather::find(&args.gather, comm)?;
-            make_folder()?;
+            _lock = make_folder()?;
             gather::measure(&pool, &found, &plan)
         }
     };
     warn(&cases, comm);
     write_on_rank_0(comm, || {
-        launch::print(&ensemble::write(&folder, &cases, &args.measures)?);
-        Ok(())
+        let kept = format!("; the files in {} are complete", folder.display());
+        stdout::print(&ensemble::write(&folder, &cases, &args.measures)?, &kept)
     })?;
     ensemble::check_cases(&cases)
 }
@@ -167,8 +168,8 @@ Figure 4.3 of the paper, three variants of the model side by side, one of them w
 Measures: volume_fraction, porosity, overlap_fraction (of the region, see --box), paper_count_in_unit_cube,
 volume_fraction_in_unit_cube, mean_coordination, mean_coordination_without_rattlers, rattlers, contacts, \
 wall_contacts,
-mean_overlap, largest_overlap, mean_force, largest_force, bed_height, kinetic_energy, \
-potential_energy (at the end),
+mean_force, largest_force, contact_threshold, overlap_coordination, overlaps, wall_overlaps, mean_overlap,
+largest_overlap, bed_height, kinetic_energy, potential_energy (at the end), \
 largest_overlap_of_run, end_time, steps_accepted, steps_rejected, rhs_evaluations, pair_evaluations.
 
 Nothing is written of a single run: [checkpoint] and [limits] of a scene mean nothing here. \

@@ -1,6 +1,5 @@
 //! Measures of a packed bed. The count of the paper is here; the exact volume is in [`union`].
 
-pub mod bed;
 #[cfg(test)]
 pub mod columns;
 pub mod contacts;
@@ -8,6 +7,8 @@ pub mod flat;
 pub mod profiles;
 mod quadrature;
 pub mod radial;
+pub mod rattlers;
+pub mod reference_force;
 pub mod region;
 pub mod request;
 pub mod row;

@@ -4,7 +4,7 @@ use super::region::{Region, Side};
 use super::union::Spheres;
 use crate::math::polyhedron::Half;
 use crate::scene::Scene;
-use crate::scene::walls::walls;
+use crate::scene::walls::wall_names;
 
 /// Sections of the profiles in each radius.
 const SECTIONS_PER_RADIUS: f64 = 10.0;
@@ -86,9 +86,10 @@ pub fn over_wall_distance(
     };
     let porosity = |(solid, all): &(f64, f64)| 1.0 - solid / all;
     if upright.len() <= MOST_WALLS {
+        let names = wall_names(&scene.container);
         let profile = |(wall, k): &(Half, usize)| {
             let porosities = areas(wall, &|_| halves.clone()).iter().map(porosity).collect();
-            (wall_name(scene, *k), porosities)
+            (names[*k].clone(), porosities)
         };
         let profiles = upright.iter().map(profile).collect();
         return (distances, profiles);
@@ -110,17 +111,6 @@ pub fn over_wall_distance(
     let name = format!("nearest of {} upright walls", upright.len());
     let porosities = sums.iter().map(porosity).collect();
     (distances, vec![(name, porosities)])
-}
-
-/// The name of wall `k` of the list of walls: `x = 0 m` if it is across an axis.
-fn wall_name(scene: &Scene, k: usize) -> String {
-    let walls = walls(&scene.container);
-    let half = walls[k].half();
-    match ["x", "y", "z"].iter().enumerate().find(|(axis, _)| half.n[*axis].abs() == 1.0) {
-        // Plus 0 makes a 0 of -0.
-        Some((axis, name)) => format!("{name} = {} m", half.b * half.n[axis] + 0.0),
-        None => format!("container.wall[{}]", k - (walls.len() - scene.container.wall.len())),
-    }
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ fn cubic() -> Vec<Vec3> {
 #[test]
 fn profiles_of_a_cubic_lattice_are_those_of_its_circles() {
     let text = "t_end = 8
-         particles = { radius = 0.05, file = 'start.csv' }
+         particles = { radius = 0.05, mass = 1, file = 'start.csv' }
          container.box = { min = [0, 0, 0], max = [1, 1, inf] }
          [contact]
          repulsion_at_contact = 10
@@ -60,7 +60,7 @@ fn tube(sides: usize) -> Scene {
     let text = format!(
         "t_end = 1
          gravity = [0, 0, -9.81]
-         particles = {{ radius = 0.2, file = 'start.csv' }}
+         particles = {{ radius = 0.2, mass = 1, file = 'start.csv' }}
          contact = {{ repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
                       dissipation_focusing = 10, interaction_distance = 0.05 }}
          container.box = {{ min = [-inf, -inf, 0], max = [inf, inf, 1] }}
@@ -97,7 +97,7 @@ fn a_tube_of_many_planes_has_one_profile_over_the_distance_to_the_nearest() {
     let region = RegionRequest::Whole.of(&scene, &x).0;
     let (_, walls) = over_wall_distance(&scene, &Spheres::new(&x, 0.2), &region);
     let names: Vec<&str> = walls.iter().map(|(name, _)| &name[..]).collect();
-    assert_eq!(names[..3], ["x = 1 m", "container.wall[1]", "container.wall[2]"]);
+    assert_eq!(names[..3], ["container.wall[0]", "container.wall[1]", "container.wall[2]"]);
 }
 
 #[test]
@@ -106,7 +106,7 @@ fn heights_are_above_the_lowest_point_and_along_gravity() {
         format!(
             "t_end = 1
              gravity = {gravity}
-             particles = {{ radius = 0.5, file = 'start.csv' }}
+             particles = {{ radius = 0.5, mass = 1, file = 'start.csv' }}
              contact = {{ repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
                           dissipation_focusing = 10, interaction_distance = 0.05 }}
              container.box = {{ min = {min}, max = {max} }}"

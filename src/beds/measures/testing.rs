@@ -12,7 +12,7 @@ pub fn walled(more: &str, tables: &str) -> Scene {
     let text = format!(
         "t_end = 8
          {more}
-         particles = {{ radius = 0.1, file = 'start.csv' }}
+         particles = {{ radius = 0.1, mass = 1, file = 'start.csv' }}
               contact = {{ repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4, \
               dissipation_focusing = 10,
                       interaction_distance = 0.1 }}

@@ -1,5 +1,6 @@
 //! A bed that is turned with its walls and gravity keeps all of its measures.
 
+use super::contacts::SHARE;
 use super::profiles::{over_height, over_wall_distance};
 use super::radial::radial_distribution;
 use super::request::RegionRequest;
@@ -30,7 +31,7 @@ fn turned_scene(turn: &Rotation3<f64>, away: &Vec3) -> Scene {
     let text = format!(
         "t_end = 1
          gravity = {}
-         particles = {{ radius = 0.1, file = 'start.csv' }}
+         particles = {{ radius = 0.1, mass = 1, file = 'start.csv' }}
          contact = {{ repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
                       dissipation_focusing = 10, interaction_distance = 0.1 }}
          {}",
@@ -48,7 +49,7 @@ fn measures(turn: &Rotation3<f64>, away: &Vec3, request: &RegionRequest) -> Vec<
     let x = centres(&state);
     let (region, _) = request.of(&scene, &x);
     let spheres = Spheres::new(&x, 0.1);
-    let row = serde_json::to_value(Row::of(&scene, &state, &region)).unwrap();
+    let row = serde_json::to_value(Row::of(&scene, &state, &region, SHARE)).unwrap();
     let mut all: Vec<(String, f64)> = row
         .as_object()
         .unwrap()

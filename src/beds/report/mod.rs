@@ -11,7 +11,6 @@ use std::path::Path;
 use crate::beds::measures::row::centres;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
-use crate::math::digits::significant;
 pub use measured::Measured;
 
 /// Writes tables, figures and the page about `run` into `folder`; returns the number of files.
@@ -26,9 +25,4 @@ pub fn write(
     let figures = figures::draw(folder, run, measured)?;
     page::write(folder, run_file, measured, last, &figures)?;
     Ok(tables.len() + figures.len() + 1)
-}
-
-/// The number with six digits.
-fn short(value: f64) -> String {
-    significant(value, 6)
 }

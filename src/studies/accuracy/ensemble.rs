@@ -5,9 +5,11 @@ use super::findings::{Findings, by_solver, measures};
 use super::impact::floors;
 use super::records::{Measure, Record, Solver, Statistic, Stepper, Study};
 use super::solvers::with_solver;
-use crate::beds::measures::bed::mean_coordination_number;
+use crate::beds::measures::contacts::{Contacts, SHARE};
+use crate::beds::measures::rattlers::mean_coordination;
 use crate::beds::measures::request::RegionRequest;
 use crate::beds::measures::union::Spheres;
+use crate::math::digits::short;
 use crate::math::interval::{Interval, interval};
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
@@ -77,7 +79,9 @@ fn bed(job: &Job, until: f64) -> Sample {
     let (region, _) = RegionRequest::Bed.of(&scene, &end.x);
     let volumes = Spheres::new(&end.x, r).volumes(&region);
     let fraction = volumes.union / volumes.region;
-    let numbers = vec![fraction, end.bed_height, mean_coordination_number(&end.x, r), overlap];
+    let contacts = Contacts::of(&scene, &end.state(0), SHARE).pushing;
+    let coordination = mean_coordination(end.x.len(), &contacts);
+    let numbers = vec![fraction, end.bed_height, coordination, overlap];
     Sample { numbers, ..sample }
 }
 
@@ -104,7 +108,8 @@ pub fn study(
     }
     if let Some(best) = best {
         notes.push(format!(
-            "ensemble: beds at t = {until:.4} s from {} initial states; differences are to {}",
+            "ensemble: beds at t = {} s from {} initial states; differences are to {}",
+            short(until),
             starts.len(),
             best.label()
         ));
