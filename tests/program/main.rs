@@ -21,3 +21,5 @@ mod python;
 mod readers;
 mod render;
 mod restart;
+mod streams;
+mod writers;
