@@ -3,7 +3,7 @@
 //! `cargo run --example read_run_file -- settle.vtkhdf` reads that file. Without a path the program makes a
 //! small file first: a sphere rests on another one, in a narrow shaft.
 
-use demhybrid::beds::measures::contacts::{Partner, contacts};
+use demhybrid::beds::measures::contacts::{Contacts, Partner, SHARE};
 use demhybrid::cli::{Args, run};
 use demhybrid::domain::Solo;
 use demhybrid::error::Error;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 const SCENE: &str = "
     t_end = 2.0
     gravity = [0.0, 0.0, -9.81]
-    particles = { radius = 0.1, grid = { count = 2, spacing = 0.21, jitter = 0.0, bottom = 0.0 } }
+    particles = { radius = 0.1, mass = 1, grid = { count = 2, spacing = 0.21, jitter = 0.0, bottom = 0.0 } }
     container.box = { max = [0.21, 0.21, inf] }
     contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4,
                 dissipation_focusing = 10.0, interaction_distance = 0.1 }
@@ -49,12 +49,12 @@ fn main() -> Result<(), Error> {
         println!("frame {k} at {} s: {energy:.2e} J, sphere 0 at {:.4?} m", state.time, state.x[0]);
     }
     let last = file.state(file.frames - 1)?;
-    let contacts = contacts(&file.scene, &last);
-    println!("{} contacts in the last frame", contacts.len());
-    for contact in contacts.iter().take(10) {
+    let contacts = Contacts::of(&file.scene, &last, SHARE);
+    println!("{} contacts of more than {} N in the last frame", contacts.pushing.len(), contacts.threshold);
+    for contact in contacts.pushing.iter().take(10) {
         let partner = match contact.partner {
             Partner::Sphere(j) => format!("sphere {j}"),
-            Partner::Wall(k) => format!("wall {k}"),
+            Partner::Wall(k) => contacts.walls[k].wall.clone(),
         };
         println!("sphere {} and {partner}: {:.2e} m, {:.2} N", contact.i, contact.overlap, contact.force);
     }

@@ -4,11 +4,14 @@ use std::path::{Path, PathBuf};
 
 use super::RegionArgs;
 use crate::beds::folder::{prepare, stem};
+use crate::beds::measures::contacts::SHARE;
 use crate::beds::measures::row::{Row, centres};
 use crate::beds::report::{Measured, write};
 use crate::domain::stdout;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, Which};
+use crate::math::digits::short;
+use crate::scene::caveats::caveats;
 
 /// Which bed to measure, and where to write the results.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -27,6 +30,14 @@ pub struct AnalyzeArgs {
     /// With all, tables and figures over time cover every frame. All other results are those of the last one.
     #[arg(long, default_value = "last", value_name = "last|K|all")]
     pub frame: Which,
+
+    /// Share of the reference force above which a push is a contact
+    ///
+    /// The reference is the weight of a particle. Without gravity it is the mean of all pushes that are more
+    /// than a tenth of this mean, and at least a hundredth of F_0.
+    #[arg(long, value_name = "SHARE", default_value_t = SHARE, value_parser = share)]
+    #[arg(allow_negative_numbers = true)]
+    pub share: f64,
 
     #[command(flatten)]
     #[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
@@ -48,12 +59,20 @@ pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
 
     let mut rows = Vec::new();
     for &k in &frames[..frames.len() - 1] {
-        rows.push(Row::of(&run_file.scene, &run_file.state(k)?, &region));
+        rows.push(Row::of(&run_file.scene, &run_file.state(k)?, &region, args.share));
     }
-    let measured = Measured::of(&run_file, &last, &region, words, rows)?;
+    let measured = Measured::of(&run_file, &last, &region, words, args.share, rows)?;
     let written = write(&folder, &stem(&args.run), &run_file, &measured, &last)?;
     let kept = format!("; the files in {} are complete", folder.display());
     stdout::print(&table(&run_file, &measured, &folder, written), &kept)
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number >= 0.0 && number.is_finite() => Ok(number),
+        Ok(_) => Err("it must be 0 or more, and finite".into()),
+        Err(_) => Err("it must be a number, such as 0.1".into()),
+    }
 }
 
 /// The table on the terminal: what was measured, and where the files are.
@@ -63,12 +82,13 @@ fn table(run_file: &RunFile, measured: &Measured, folder: &Path, files: usize) -
         run_file.path().display(),
         measured.last().frame,
         run_file.frames,
-        measured.last().time,
+        short(measured.last().time),
         run_file.count,
         if run_file.completed { "" } else { ", the run is not complete" },
     )];
     lines.push(format!("measured in {}", measured.region_words));
     lines.extend(measured.findings().iter().map(|(name, value)| format!("  {name:<36}{value}")));
+    lines.extend(caveats(&run_file.scene).iter().map(|caveat| format!("  note: {caveat}")));
     lines.push(format!("{files} files in {}; report.html shows all of it", folder.display()));
     lines.join("\n") + "\n"
 }
@@ -77,6 +97,7 @@ const AFTER_HELP: &str = "\
 Examples:
   demhybrid analyze settle.vtkhdf
   demhybrid analyze settle.vtkhdf --frame all -o settle-over-time
+  demhybrid analyze settle.vtkhdf --share 0.01 -o faint-contacts
   demhybrid analyze settle.vtkhdf --cylinder 0.5,0.5,0.4,0.1,0.9 --force
 
 Volumes are those of the union of all spheres inside the region, exact to 1e-9 of it; \
@@ -86,6 +107,11 @@ Without --box, --cylinder
 or --whole the region is the base of container.box up to the shorter side of the base, \
 or, where less than a tenth of the
 centres lie above that, up to the height below which three quarters of them lie.
-Spheres touch where their gap is not positive. \
-Rattlers have too few contacts to be held: fewer than 4, less 1 with
-gravity, less 1 with friction, walls counted and other rattlers not.";
+A contact is what pushes with more than a tenth of the weight of a particle, or another --share of it, \
+whatever the gap: the
+normal force at the positions and velocities of the frame counts. \
+Without gravity the mean push takes the place of the weight.
+What overlaps is counted beside it. Forces on walls are of all spheres within the interaction distance.
+Rattlers have too few contacts to be held: fewer than 4, less 1 with gravity, less 1 with friction, \
+walls counted and other
+rattlers not.";

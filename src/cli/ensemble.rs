@@ -168,8 +168,8 @@ Figure 4.3 of the paper, three variants of the model side by side, one of them w
 Measures: volume_fraction, porosity, overlap_fraction (of the region, see --box), paper_count_in_unit_cube,
 volume_fraction_in_unit_cube, mean_coordination, mean_coordination_without_rattlers, rattlers, contacts, \
 wall_contacts,
-mean_overlap, largest_overlap, mean_force, largest_force, bed_height, kinetic_energy, \
-potential_energy (at the end),
+mean_force, largest_force, contact_threshold, overlap_coordination, overlaps, wall_overlaps, mean_overlap,
+largest_overlap, bed_height, kinetic_energy, potential_energy (at the end), \
 largest_overlap_of_run, end_time, steps_accepted, steps_rejected, rhs_evaluations, pair_evaluations.
 
 Nothing is written of a single run: [checkpoint] and [limits] of a scene mean nothing here. \

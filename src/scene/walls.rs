@@ -1,15 +1,15 @@
 //! The walls of a scene: the sides of its box and the planes of `container.wall`.
 
-use crate::math::digits::triple;
+use crate::math::digits::{short, triple};
 use crate::math::vector::Vec3;
 use crate::model::wall::Wall;
 use crate::scene;
 
-/// The walls of a scene, each with a description for messages.
+/// The walls of a scene, each with its short name and a description for messages.
 ///
 /// They are in the order in which their forces are summed. First come the finite sides of the box (min x,
 /// max x, min y, max y, min z, max z), then `container.wall`.
-pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
+fn named_walls(container: &scene::Container) -> Vec<(Wall, String, String)> {
     let mut walls = Vec::new();
     if let Some(sides) = &container.r#box {
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
@@ -20,22 +20,31 @@ pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
                         v[axis] = length;
                         v
                     };
-                    let name =
-                        format!("the side {letter} = {position} m of the box (container.box.{corner})");
-                    walls.push((Wall::new(along(position), along(sign)), name));
+                    let name = format!("{letter} = {} m", short(position));
+                    let words = format!("the side {name} of the box (container.box.{corner})");
+                    walls.push((Wall::new(along(position), along(sign)), name, words));
                 }
             }
         }
     }
     walls.extend(container.wall.iter().enumerate().map(|(number, wall)| {
-        let name = format!(
-            "container.wall[{number}] (point {} m, outward normal {})",
-            triple(&wall.point),
-            triple(&wall.normal)
-        );
-        (Wall::new(wall.point.into(), wall.normal.into()), name)
+        let name = format!("container.wall[{number}]");
+        let (point, normal) = (triple(&wall.point), triple(&wall.normal));
+        let words = format!("{name} (point {point} m, outward normal {normal})");
+        (Wall::new(wall.point.into(), wall.normal.into()), name, words)
     }));
     walls
+}
+
+/// The walls of a scene, each with a description for messages, in the order in which their forces are summed.
+pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
+    named_walls(container).into_iter().map(|(wall, _, words)| (wall, words)).collect()
+}
+
+/// The short names of the walls of a scene for tables, in the order of [`described_walls`]: `z = 0 m` for a
+/// side of the box, and `container.wall[0]`.
+pub fn wall_names(container: &scene::Container) -> Vec<String> {
+    named_walls(container).into_iter().map(|(_, name, _)| name).collect()
 }
 
 /// The walls of a scene, in the order of [`described_walls`].
@@ -55,7 +64,7 @@ pub fn described_walls(container: &scene::Container) -> Vec<(Wall, String)> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn walls(container: &scene::Container) -> Vec<Wall> {
-    described_walls(container).into_iter().map(|(wall, _)| wall).collect()
+    named_walls(container).into_iter().map(|(wall, ..)| wall).collect()
 }
 
 #[cfg(test)]
@@ -73,5 +82,9 @@ mod tests {
         let depths: Vec<f64> = walls.iter().map(|w| w.depth(&centre)).collect();
         assert_eq!(depths[..5], [0.25, 0.75, 0.5, 1.5, 0.75]);
         assert!((depths[5] - (9.0 - 1.25) / 2f64.sqrt()).abs() < 1e-14);
+        let names = ["x = 0 m", "x = 1 m", "y = 0 m", "y = 2 m", "z = 0 m", "container.wall[0]"];
+        assert_eq!(wall_names(&container), names);
+        let described = described_walls(&container);
+        assert!(names.iter().zip(&described).all(|(name, (_, words))| words.contains(name)), "{described:?}");
     }
 }

@@ -6,6 +6,7 @@ mod balance;
 mod beds;
 mod brake;
 mod common;
+mod contacts;
 mod friction;
 mod hard;
 mod impact;

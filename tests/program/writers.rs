@@ -18,7 +18,7 @@ const TRIES: usize = if cfg!(feature = "long-tests") { 20 } else { 1 };
 const SCENE: &str = "
 t_end = 1000
 gravity = [0.0, 0.0, -9.81]
-particles = { radius = 0.1, grid = { count = 27, bottom = 0.1, seed = 5 } }
+particles = { radius = 0.1, mass = 1.0, grid = { count = 27, bottom = 0.1, seed = 5 } }
 container.box = { min = [0.0, 0.0, 0.0], max = [0.75, 0.75, inf] }
 friction = { coefficient = 0.2, regularization_velocity = 0.01 }
 output.interval = 0.01

@@ -3,6 +3,8 @@
 pub mod bed;
 pub mod contacts;
 pub mod flat;
+pub mod rattlers;
+pub mod reference_force;
 pub mod region;
 pub mod row;
 pub mod structure;

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::contacts::{Contact, Partner, contacts, fewest_that_hold, rattlers};
+use super::contacts::{Contact, Contacts, Partner, between_spheres};
+use super::rattlers::{fewest_that_hold, mean_coordination, rattlers};
 use super::union::{Region, Spheres};
 use crate::files::run_file::State;
 use crate::math::vector::Vec3;
@@ -13,6 +14,7 @@ use crate::scene::Scene;
 /// # Examples
 ///
 /// ```rust
+/// use demhybrid::beds::measures::contacts::SHARE;
 /// use demhybrid::beds::measures::row::Row;
 /// use demhybrid::beds::measures::union::Region;
 /// use demhybrid::files::run_file::State;
@@ -29,7 +31,7 @@ use crate::scene::Scene;
 ///     omega: None,
 /// };
 /// let region = Region::Box { low: Vec3::zeros(), high: Vec3::new(0.75, 0.75, 0.5) };
-/// let row = Row::of(&scene, &state, &region);
+/// let row = Row::of(&scene, &state, &region, SHARE);
 /// assert_eq!((row.contacts, row.wall_contacts), (1, 1));
 /// assert!((row.bed_height - 0.397).abs() < 1e-12); // m
 /// assert!((row.porosity - 0.97).abs() < 1e-3);
@@ -51,7 +53,9 @@ pub struct Row {
     pub paper_count_in_unit_cube: Option<f64>,
     /// Share of the unit cube that spheres cover; `None` if no sphere is in it.
     pub volume_fraction_in_unit_cube: Option<f64>,
-    /// Mean number of spheres that a sphere touches.
+    /// A contact pushes with more than this, N: a share of a [`Reference`](super::reference_force::Reference).
+    pub contact_threshold: f64,
+    /// Mean number of spheres that a sphere is in contact with.
     pub mean_coordination: f64,
     /// Mean number of contacts of the spheres that are not rattlers, among themselves.
     pub mean_coordination_without_rattlers: f64,
@@ -61,22 +65,28 @@ pub struct Row {
     pub contacts: usize,
     /// Number of contacts with walls.
     pub wall_contacts: usize,
-    /// Mean overlap of contacts between spheres, m.
-    pub mean_overlap: f64,
-    /// Largest overlap of any contact, m.
-    pub largest_overlap: f64,
     /// Mean normal force of contacts between spheres, N.
     pub mean_force: f64,
     /// Largest normal force of any contact, N.
     pub largest_force: f64,
+    /// Mean number of spheres that a sphere overlaps or just touches, whatever the force.
+    pub overlap_coordination: f64,
+    /// Number of pairs of spheres that overlap or just touch.
+    pub overlaps: usize,
+    /// Number of overlaps with walls.
+    pub wall_overlaps: usize,
+    /// Mean overlap of the pairs that overlap, m.
+    pub mean_overlap: f64,
+    /// Largest overlap with a sphere or a wall, m.
+    pub largest_overlap: f64,
     /// Highest point of any sphere, m.
     pub bed_height: f64,
 }
 
 impl Row {
-    /// Measures a frame in `region`.
-    pub fn of(scene: &Scene, state: &State, region: &Region) -> Row {
-        let contacts = contacts(scene, state);
+    /// Measures a frame in `region`. Contacts push with more than `share` of the reference force.
+    pub fn of(scene: &Scene, state: &State, region: &Region, share: f64) -> Row {
+        let contacts = Contacts::of(scene, state, share);
         let x = centres(state);
         let spheres = Spheres::new(&x, scene.particles.radius);
         Row::with(scene, state, region, &contacts, &spheres)
@@ -87,7 +97,7 @@ impl Row {
         scene: &Scene,
         state: &State,
         region: &Region,
-        contacts: &[Contact],
+        contacts: &Contacts,
         spheres: &Spheres,
     ) -> Row {
         let r = scene.particles.radius;
@@ -95,18 +105,17 @@ impl Row {
         let count = x.len();
         let volumes = spheres.volumes(region);
         let cube = in_unit_cube(&x, r, spheres);
-        let loose = rattlers(count, contacts, fewest_that_hold(scene));
-        let pairs: Vec<&Contact> =
-            contacts.iter().filter(|contact| matches!(contact.partner, Partner::Sphere(_))).collect();
-        let firm = |contact: &&&Contact| {
+        let (pushing, overlapping) = (&contacts.pushing, &contacts.overlapping);
+        let loose = rattlers(count, pushing, fewest_that_hold(scene));
+        let held = loose.iter().filter(|&&loose| !loose).count();
+        let firm = |contact: &&Contact| {
             matches!(
                 contact.partner,
                 Partner::Sphere(j) if !loose[contact.i] && !loose[j]
             )
         };
-        let held = loose.iter().filter(|&&loose| !loose).count();
+        let [pairs, overlaps] = [pushing, overlapping].map(|list| between_spheres(list).count());
         let share = |sum: f64, count: usize| if count == 0 { 0.0 } else { sum / count as f64 };
-        let largest = |of: fn(&Contact) -> f64| contacts.iter().map(of).fold(0.0, f64::max);
         Row {
             frame: state.frame,
             time: state.time,
@@ -115,18 +124,26 @@ impl Row {
             overlap_fraction: (volumes.spheres - volumes.union).max(0.0) / volumes.region,
             paper_count_in_unit_cube: cube.map(|[count, _]| count),
             volume_fraction_in_unit_cube: cube.map(|[_, union]| union),
-            mean_coordination: share(2.0 * pairs.len() as f64, count),
-            mean_coordination_without_rattlers: share(2.0 * pairs.iter().filter(firm).count() as f64, held),
+            contact_threshold: contacts.threshold,
+            mean_coordination: mean_coordination(count, pushing),
+            mean_coordination_without_rattlers: share(2.0 * pushing.iter().filter(firm).count() as f64, held),
             rattlers: count - held,
-            contacts: pairs.len(),
-            wall_contacts: contacts.len() - pairs.len(),
-            mean_overlap: share(pairs.iter().map(|contact| contact.overlap).sum(), pairs.len()),
-            largest_overlap: largest(|contact| contact.overlap),
-            mean_force: share(pairs.iter().map(|contact| contact.force).sum(), pairs.len()),
-            largest_force: largest(|contact| contact.force),
+            contacts: pairs,
+            wall_contacts: pushing.len() - pairs,
+            mean_force: share(between_spheres(pushing).map(|contact| contact.force).sum(), pairs),
+            largest_force: largest(pushing, |contact| contact.force),
+            overlap_coordination: mean_coordination(count, overlapping),
+            overlaps,
+            wall_overlaps: overlapping.len() - overlaps,
+            mean_overlap: share(between_spheres(overlapping).map(|contact| contact.overlap).sum(), overlaps),
+            largest_overlap: largest(overlapping, |contact| contact.overlap),
             bed_height: x.iter().map(|x| x.z + r).fold(f64::NEG_INFINITY, f64::max),
         }
     }
+}
+
+fn largest(contacts: &[Contact], of: impl Fn(&Contact) -> f64) -> f64 {
+    contacts.iter().map(of).fold(0.0, f64::max)
 }
 
 /// The centres of the spheres of a state, m.

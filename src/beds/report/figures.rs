@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::measured::Measured;
-use crate::beds::measures::contacts::Partner;
+use crate::beds::measures::contacts::between_spheres;
 use crate::beds::measures::row::Row;
 use crate::beds::plot::{Line, series};
 use crate::error::Error;
@@ -80,12 +80,13 @@ pub fn draw(folder: &Path, run: &str, measured: &Measured) -> Result<Vec<Figure>
     let labels = ["contacts with other spheres", "spheres"];
     figure("coordination.svg", "how many spheres have how many contacts", labels, false, lines)?;
 
-    let pairs = || measured.contacts.iter().filter(|contact| matches!(contact.partner, Partner::Sphere(_)));
-    let overlaps: Vec<f64> = pairs().map(|contact| contact.overlap / measured.radius).collect();
+    let overlapping = between_spheres(&measured.contacts.overlapping);
+    let overlaps: Vec<f64> = overlapping.map(|contact| contact.overlap / measured.radius).collect();
     let labels = ["overlap over the radius", "probability density"];
     figure("overlaps.svg", "distribution of overlaps", labels, false, distribution("overlaps", &overlaps))?;
     let mean = measured.last().mean_force;
-    let forces: Vec<f64> = pairs().map(|contact| contact.force / mean).collect();
+    let pushing = between_spheres(&measured.contacts.pushing);
+    let forces: Vec<f64> = pushing.map(|contact| contact.force / mean).collect();
     let labels = ["normal force over its mean", "probability density"];
     figure("forces.svg", "distribution of contact forces", labels, true, distribution("forces", &forces))?;
 

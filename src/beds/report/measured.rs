@@ -2,14 +2,16 @@
 
 use serde::Serialize;
 
-use super::{box_of_centres, short};
-use crate::beds::measures::contacts::{Contact, contacts, coordination, fewest_that_hold};
+use super::box_of_centres;
+use crate::beds::measures::contacts::{Contacts, WallForce};
+use crate::beds::measures::rattlers::{coordination, fewest_that_hold};
 use crate::beds::measures::row::{Row, centres};
 use crate::beds::measures::structure;
 use crate::beds::measures::union::{Region, Spheres};
 use crate::error::Error;
 use crate::files::names::Series;
 use crate::files::run_file::{RunFile, State};
+use crate::math::digits::short;
 
 /// A quantity of the run over time.
 #[derive(Debug, Clone)]
@@ -33,8 +35,16 @@ pub struct Measured {
     pub rows: Vec<Row>,
     /// Smallest number of contacts that can hold a sphere. A sphere with fewer is a rattler.
     pub contacts_that_hold: usize,
-    /// Numbers of spheres that touch 0, 1, 2, ... other spheres.
+    /// A contact pushes with more than this share of the reference force.
+    pub share: f64,
+    /// The reference force, in words.
+    pub reference: &'static str,
+    /// The reference force in the frame of the last row, N.
+    pub reference_force: f64,
+    /// Numbers of spheres that are in contact with 0, 1, 2, ... other spheres.
     pub coordination: Vec<usize>,
+    /// What every wall bears.
+    pub wall_forces: Vec<WallForce>,
     /// Heights (m), with the porosity of the section.
     pub height_profile: Vec<[f64; 2]>,
     /// Distances to upright walls, m.
@@ -45,7 +55,7 @@ pub struct Measured {
     pub radial_distribution: Vec<[f64; 2]>,
     /// Contacts. They have their own table.
     #[serde(skip)]
-    pub contacts: Vec<Contact>,
+    pub contacts: Contacts,
     /// Quantities of the run over time.
     #[serde(skip)]
     pub series: Vec<Column>,
@@ -58,23 +68,28 @@ pub struct Measured {
 
 /// Largest number of spheres whose heights are drawn over time.
 const FEW: u64 = 7;
+/// Largest number of walls that are named one by one: those of a box.
+const MOST_WALLS: usize = 6;
 
 impl Measured {
     /// Measures `state`, the last of the frames that were asked for. `rows` has the rows of the earlier ones.
+    ///
+    /// Contacts push with more than `share` of the reference force.
     pub fn of(
         run_file: &RunFile,
         state: &State,
         region: &Region,
         words: &str,
+        share: f64,
         mut rows: Vec<Row>,
     ) -> Result<Self, Error> {
         let scene = &run_file.scene;
         let r = scene.particles.radius;
-        let contacts = contacts(scene, state);
+        let contacts = Contacts::of(scene, state, share);
         let x = centres(state);
         let spheres = Spheres::new(&x, r);
         rows.push(Row::with(scene, state, region, &contacts, &spheres));
-        let numbers = coordination(x.len(), &contacts);
+        let numbers = coordination(x.len(), &contacts.pushing);
         let mut histogram = vec![0; numbers.iter().max().map_or(0, |most| most + 1)];
         numbers.iter().for_each(|&number| histogram[number] += 1);
         let (wall_distances, wall_profiles) = structure::over_wall_distance(scene, &spheres, region);
@@ -84,7 +99,11 @@ impl Measured {
             region_volume: region.volume(),
             rows,
             contacts_that_hold: fewest_that_hold(scene),
+            share,
+            reference: contacts.reference.words(),
+            reference_force: contacts.reference.newtons(),
             coordination: histogram,
+            wall_forces: contacts.walls.clone(),
             height_profile: structure::over_height(&spheres, region, r),
             wall_distances,
             wall_profiles,
@@ -134,17 +153,33 @@ impl Measured {
             ("rattlers", format!("{} (fewer than {} contacts)", row.rattlers, self.contacts_that_hold)),
             ("contacts", format!("{} between spheres, {} with walls", row.contacts, row.wall_contacts)),
             (
-                "overlap",
-                format!(
-                    "mean {} m, largest {} m ({:.4} radii)",
-                    short(row.mean_overlap),
-                    short(row.largest_overlap),
-                    row.largest_overlap / self.radius
-                ),
+                "a contact pushes with more than",
+                format!("{} N, {} of {}", short(row.contact_threshold), self.share, self.reference),
             ),
             (
                 "contact force",
                 format!("mean {} N, largest {} N", short(row.mean_force), short(row.largest_force)),
+            ),
+        ]);
+        if !self.wall_forces.is_empty() {
+            found.push(("normal force on walls", self.on_walls()));
+        }
+        found.extend([
+            (
+                "overlapping, whatever the force",
+                format!(
+                    "{} pairs, {} at walls; {:.4} spheres by a sphere",
+                    row.overlaps, row.wall_overlaps, row.overlap_coordination
+                ),
+            ),
+            (
+                "overlap",
+                format!(
+                    "mean {} m, largest {} m ({} radii)",
+                    short(row.mean_overlap),
+                    short(row.largest_overlap),
+                    short(row.largest_overlap / self.radius)
+                ),
             ),
         ]);
         if let Some([at, g]) = self.first_peak() {
@@ -162,6 +197,17 @@ impl Measured {
         }
         found.push(("bed height", format!("{} m", short(row.bed_height))));
         found
+    }
+
+    /// The normal force on every wall, or the sum over many walls.
+    fn on_walls(&self) -> String {
+        if self.wall_forces.len() <= MOST_WALLS {
+            let walls = self.wall_forces.iter();
+            let each = walls.map(|wall| format!("{} N on {}", short(wall.normal_force), wall.wall));
+            return each.collect::<Vec<_>>().join("; ");
+        }
+        let sum = self.wall_forces.iter().map(|wall| wall.normal_force).sum();
+        format!("{} N on {} walls, of which wall-forces.csv has each", short(sum), self.wall_forces.len())
     }
 }
 

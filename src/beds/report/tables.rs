@@ -48,10 +48,10 @@ pub fn write(folder: &Path, measured: &Measured) -> Result<Vec<String>, Error> {
         table("walls.csv", &head, rows.collect())?;
     }
     table("rdf.csv", &["distance", "g"], pairs(&measured.radial_distribution))?;
-    let contacts = measured.contacts.iter().map(|contact| {
+    let contacts = measured.contacts.pushing.iter().map(|contact| {
         let (sphere, wall) = match contact.partner {
             Partner::Sphere(j) => (j.to_string(), String::new()),
-            Partner::Wall(k) => (String::new(), k.to_string()),
+            Partner::Wall(k) => (String::new(), measured.wall_forces[k].wall.clone()),
         };
         vec![contact.i.to_string(), sphere, wall, number(contact.overlap), number(contact.force)]
     });
@@ -60,6 +60,11 @@ pub fn write(folder: &Path, measured: &Measured) -> Result<Vec<String>, Error> {
         &["sphere", "other_sphere", "wall", "overlap", "normal_force"],
         contacts.collect(),
     )?;
+    let walls = measured
+        .wall_forces
+        .iter()
+        .map(|wall| vec![wall.wall.clone(), number(wall.normal_force), wall.contacts.to_string()]);
+    table("wall-forces.csv", &["wall", "normal_force", "contacts"], walls.collect())?;
     let head: Vec<&str> = measured.series.iter().map(|column| column.series.name()).collect();
     let frames = measured.series.iter().map(|column| column.values.len()).min().unwrap_or(0);
     let rows = (0..frames).map(|k| measured.series.iter().map(|column| number(column.values[k])).collect());

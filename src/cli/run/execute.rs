@@ -176,7 +176,6 @@ impl Execution<'_> {
         let mut recorder = Recorder {
             comm,
             output,
-            scene,
             info: &info,
             path: self.claim.path(),
             interrupts: &interrupts,
@@ -250,7 +249,6 @@ impl Execution<'_> {
 struct Recorder<'a> {
     comm: &'a dyn Comm,
     output: Output<'a>,
-    scene: &'a Scene,
     info: &'a RunInfo,
     path: &'a Path,
     interrupts: &'a Interrupts,
@@ -308,10 +306,6 @@ impl Observer for Recorder<'_> {
             wall_seconds: self.wall_seconds(),
             seconds: seconds(&frame.clocks, frame.output_seconds),
         };
-        let overlap = report::overlap_warning(self.scene, frame.largest_overlap);
-        if let (0, true, Some(warning)) = (self.next, frame.first == 0 && !frame.rows.is_empty(), overlap) {
-            launch::say(&warning);
-        }
         if self.next >= self.kept {
             self.output.append(&rows, &measures)?;
             self.written += 1;

@@ -73,7 +73,7 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     launch::check_launcher(comm.size())?;
     let Threads { count: threads, have_cores, warning } =
         agree(comm, launch::start_threads(comm, args.threads))?;
-    let set = agree(comm, InstructionSet::chosen())?;
+    let set = agree(comm, InstructionSet::chosen().map_err(Error::Input))?;
     let [set, widest] = common_instructions(comm, set);
     let mixed = launch::mixed_machines_warning(set, widest);
     let ground = Ground { args, comm, threads, set, started };

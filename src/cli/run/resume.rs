@@ -9,6 +9,7 @@ use crate::engine::load::{check_memory, share_start};
 use crate::error::Error;
 use crate::files::checkpoint::{self, Header};
 use crate::files::output::{self, Claim, Found};
+use crate::math::digits::short;
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 use serde::{Deserialize, Serialize};
@@ -63,9 +64,10 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     match serde_json::from_str(&plan).expect("rank 0 made it") {
         Plan::Nothing { t } => {
             tell(&format!(
-                "demhybrid: the run in {} is complete, to t = {t} s: nothing to do. --set t_end=LARGER would \
+                "demhybrid: the run in {} is complete, to t = {} s: nothing to do. --set t_end=LARGER would \
                  go on",
-                file.display()
+                file.display(),
+                short(t)
             ));
             Ok(())
         }
@@ -89,7 +91,7 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
             tell(&format!(
                 "demhybrid: {} goes on from t = {} s, after {} steps (checkpoint {})",
                 file.display(),
-                slot.t,
+                short(slot.t),
                 slot.steps,
                 slot.path.display()
             ));
@@ -239,7 +241,8 @@ fn scene_of(file: &Path, recorded: &str, sets: &[String]) -> Result<Scene, Strin
     if scene.t_end < before.t_end {
         return Err(format!(
             "--set t_end={}: the run goes to t_end = {} s already; only a larger one is possible",
-            scene.t_end, before.t_end
+            short(scene.t_end),
+            short(before.t_end)
         ));
     }
     Ok(scene)

@@ -5,7 +5,10 @@ use super::findings::{Findings, by_solver, measures};
 use super::impact::floors;
 use super::records::{Measure, Record, Solver, Statistic, Stepper, Study};
 use super::solvers::with_solver;
-use crate::beds::measures::bed::{bed_region, mean_coordination_number, union_volume_fraction};
+use crate::beds::measures::bed::{bed_region, union_volume_fraction};
+use crate::beds::measures::contacts::{Contacts, SHARE};
+use crate::beds::measures::rattlers::mean_coordination;
+use crate::math::digits::short;
 use crate::math::interval::{Interval, interval};
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
@@ -74,7 +77,9 @@ fn bed(job: &Job, until: f64) -> Sample {
     let r = scene.particles.radius;
     let fraction = bed_region(&scene, &end.x)
         .map_or(f64::NAN, |(low, high)| union_volume_fraction(&end.x, r, low, high));
-    let numbers = vec![fraction, end.bed_height, mean_coordination_number(&end.x, r), overlap];
+    let contacts = Contacts::of(&scene, &end.state(0), SHARE).pushing;
+    let coordination = mean_coordination(end.x.len(), &contacts);
+    let numbers = vec![fraction, end.bed_height, coordination, overlap];
     Sample { numbers, ..sample }
 }
 
@@ -101,7 +106,8 @@ pub fn study(
     }
     if let Some(best) = best {
         notes.push(format!(
-            "ensemble: beds at t = {until:.4} s from {} initial states; differences are to {}",
+            "ensemble: beds at t = {} s from {} initial states; differences are to {}",
+            short(until),
             starts.len(),
             best.label()
         ));

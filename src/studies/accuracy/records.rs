@@ -52,7 +52,7 @@ named! {
         VolumeFraction = "volume fraction",
         /// Highest point of any sphere, m.
         BedHeight = "bed height (m)",
-        /// Mean number of spheres that a sphere touches.
+        /// Mean number of spheres that a sphere is in contact with.
         Coordination = "coordination number",
         /// Largest overlap in any frame, m.
         LargestOverlap = "largest overlap (m)",

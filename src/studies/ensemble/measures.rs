@@ -1,5 +1,6 @@
 //! The measures of a run, at its end and over time.
 
+use crate::beds::measures::contacts::SHARE;
 use crate::beds::measures::region::RegionRequest;
 use crate::beds::measures::row::{Row, centres};
 use crate::error::Error;
@@ -52,7 +53,7 @@ const fn work(name: &'static str, label: &'static str, of: fn(&Work) -> u64) -> 
 }
 
 /// All measures; those that can be followed over time come first.
-pub const MEASURES: [Measure; 23] = [
+pub const MEASURES: [Measure; 27] = [
     frame("volume_fraction", "volume fraction of the union", true, |at| at.row.volume_fraction),
     frame("porosity", "porosity", false, |at| at.row.porosity),
     frame("overlap_fraction", "share covered more than once", false, |at| at.row.overlap_fraction),
@@ -69,10 +70,14 @@ pub const MEASURES: [Measure; 23] = [
     frame("rattlers", "rattlers", true, |at| at.row.rattlers as f64),
     frame("contacts", "contacts between spheres", false, |at| at.row.contacts as f64),
     frame("wall_contacts", "contacts with walls", false, |at| at.row.wall_contacts as f64),
-    frame("mean_overlap", "mean overlap (m)", false, |at| at.row.mean_overlap),
-    frame("largest_overlap", "largest overlap (m)", false, |at| at.row.largest_overlap),
     frame("mean_force", "mean contact force (N)", false, |at| at.row.mean_force),
     frame("largest_force", "largest contact force (N)", false, |at| at.row.largest_force),
+    frame("contact_threshold", "push above which it is a contact (N)", false, |at| at.row.contact_threshold),
+    frame("overlap_coordination", "spheres that a sphere overlaps", false, |at| at.row.overlap_coordination),
+    frame("overlaps", "pairs that overlap", false, |at| at.row.overlaps as f64),
+    frame("wall_overlaps", "overlaps with walls", false, |at| at.row.wall_overlaps as f64),
+    frame("mean_overlap", "mean overlap (m)", false, |at| at.row.mean_overlap),
+    frame("largest_overlap", "largest overlap (m)", false, |at| at.row.largest_overlap),
     frame("bed_height", "bed height (m)", true, |at| at.row.bed_height),
     frame("kinetic_energy", "kinetic energy (J)", false, |at| at.kinetic_energy),
     frame("potential_energy", "potential energy (J)", false, |at| at.potential_energy),
@@ -85,7 +90,7 @@ pub const MEASURES: [Measure; 23] = [
 ];
 
 /// Number of measures that can be followed over time. They are the first of `MEASURES`.
-pub const OVER_TIME: usize = 19;
+pub const OVER_TIME: usize = 23;
 
 /// One of [`MEASURES`]: its index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -158,7 +163,7 @@ fn numbers(scene: &Scene, plan: &Plan, held: &[Held]) -> Vec<f64> {
     let mut numbers = Vec::with_capacity(held.len() * (1 + OVER_TIME));
     for held in held {
         let at = AtFrame {
-            row: Row::of(scene, &held.state, &region),
+            row: Row::of(scene, &held.state, &region, SHARE),
             kinetic_energy: held.kinetic_energy,
             potential_energy: held.potential_energy,
             overlap: held.overlap,
@@ -179,7 +184,7 @@ pub fn simulated(scene: &Scene, start: &InitialCondition, plan: &Plan) -> Sample
     let sample = run(scene, start, u64::MAX, |frame: &FrameData| {
         overlap = overlap.max(frame.largest_overlap);
         let this = Held {
-            state: state(k, frame),
+            state: frame.state(k),
             kinetic_energy: frame.kinetic_energy,
             potential_energy: frame.potential_energy,
             overlap,
@@ -198,12 +203,6 @@ pub fn simulated(scene: &Scene, start: &InitialCondition, plan: &Plan) -> Sample
     }
     held.extend(last);
     Sample { numbers: numbers(scene, plan, &held), ..sample }
-}
-
-/// The frame as an output file would hold it.
-fn state(number: u64, frame: &FrameData) -> State {
-    let list = |vectors: &[crate::math::vector::Vec3]| vectors.iter().map(|&vector| vector.into()).collect();
-    State { frame: number, time: frame.time, x: list(&frame.x), v: list(&frame.v), omega: None }
 }
 
 /// Measures the run in `run_file`.

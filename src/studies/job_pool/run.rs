@@ -6,6 +6,7 @@ use super::{Sample, Work};
 use crate::domain::Solo;
 use crate::engine::simulation::{Counts, Frame, Simulation};
 use crate::error::Error;
+use crate::files::run_file::State;
 use crate::math::vector::Vec3;
 use crate::model::columns::{position, spin, velocity};
 use crate::scene::Scene;
@@ -32,6 +33,14 @@ pub struct FrameData {
     pub largest_overlap: f64,
     /// Highest point of any sphere, m.
     pub bed_height: f64,
+}
+
+impl FrameData {
+    /// The state as frame `number` of an output file would hold it, without spins.
+    pub fn state(&self, number: u64) -> State {
+        let list = |vectors: &[Vec3]| vectors.iter().map(|&vector| vector.into()).collect();
+        State { frame: number, time: self.time, x: list(&self.x), v: list(&self.v), omega: None }
+    }
 }
 
 /// Limit on the right-hand sides of a run of `particles` particles: 3 million, and fewer for many particles,
