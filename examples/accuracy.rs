@@ -13,7 +13,7 @@ use demhybrid::studies::job_pool::{JobPool, Sample};
 const SCENE: &str = "
     t_end = 2.0
     gravity = [0.0, 0.0, -9.81]
-    particles = { radius = 0.1, file = 'placed by the program' }
+    particles = { radius = 0.1, mass = 1, file = 'placed by the program' }
     container.wall = [{ point = [0.0, 0.0, 0.0], normal = [0.0, 0.0, -1.0] }]
     contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.7,
                 dissipation_focusing = 10.0, interaction_distance = 0.1 }

@@ -13,7 +13,7 @@ use demhybrid::scene::initial_condition::InitialCondition;
 /// A row of spheres without gravity. They are elastic, so that they pass on what the first one brings.
 const SCENE: &str = "
     t_end = 0.8
-    particles = { radius = 0.1, file = 'placed by the program' }
+    particles = { radius = 0.1, mass = 1, file = 'placed by the program' }
     contact = { repulsion_at_contact = 10.0, stiffness_exponent = 500.0, restitution = 1.0,
                 dissipation_focusing = 10.0, interaction_distance = 0.05 }
     solver.tolerance = 1e-4

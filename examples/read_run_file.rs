@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 const SCENE: &str = "
     t_end = 2.0
     gravity = [0.0, 0.0, -9.81]
-    particles = { radius = 0.1, grid = { count = 2, spacing = 0.21, jitter = 0.0, bottom = 0.0 } }
+    particles = { radius = 0.1, mass = 1, grid = { count = 2, spacing = 0.21, jitter = 0.0, bottom = 0.0 } }
     container.box = { max = [0.21, 0.21, inf] }
     contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4,
                 dissipation_focusing = 10.0, interaction_distance = 0.1 }

@@ -15,7 +15,7 @@ use demhybrid::scene::{Scene, initial_condition};
 const SCENE: &str = "
     t_end = 4.0
     gravity = [0.0, 0.0, -9.81]
-    particles = { radius = 0.1, grid = { count = 64, spacing = 0.25, bottom = 0.1, seed = 1 } }
+    particles = { radius = 0.1, mass = 1, grid = { count = 64, spacing = 0.25, bottom = 0.1, seed = 1 } }
     container.box = { max = [0.8, 0.8, inf] }
     contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4,
                 dissipation_focusing = 10.0, interaction_distance = 0.1 }

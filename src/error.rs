@@ -1,5 +1,6 @@
 //! Every error that can end a run early, with its exit code; and requests to stop a run.
 
+use crate::math::digits::{at_least, at_most, rough, short};
 use std::fmt;
 use thiserror::Error;
 
@@ -16,7 +17,8 @@ pub enum Error {
 
     /// Two particles have the same centre, so their contact has no direction.
     #[error(
-        "the centres of particles {i} and {j} coincide at t = {t} s: a contact between them has no direction"
+        "the centres of particles {i} and {j} coincide at t = {} s: a contact between them has no direction",
+        short(*t)
     )]
     Coincident {
         /// Lower particle id.
@@ -29,9 +31,11 @@ pub enum Error {
 
     /// The force between two particles is not finite: it exceeds the range of a double.
     #[error(
-        "the force between particles {i} and {j} is not finite at t = {t} s: their overlap is {overlap} m, \
+        "the force between particles {i} and {j} is not finite at t = {} s: their overlap is {} m, \
          and the repulsion grows as exp(contact.stiffness_exponent * overlap), which overflows beyond \
-         exp(709)"
+         exp(709)",
+        short(*t),
+        rough(*overlap)
     )]
     PairForce {
         /// Lower particle id.
@@ -46,16 +50,17 @@ pub enum Error {
 
     /// The force between a particle and a wall is not finite: it exceeds the range of a double.
     #[error(
-        "the force of wall {wall} on particle {i} is not finite at t = {t} s: its overlap is {overlap} m, \
+        "the force of {wall} on particle {i} is not finite at t = {} s: its overlap is {} m, \
          and the repulsion grows as exp(contact.stiffness_exponent * overlap), which overflows beyond \
-         exp(709)"
+         exp(709)",
+        short(*t),
+        rough(*overlap)
     )]
     WallForce {
         /// Particle id.
         i: u64,
-        /// Number of the wall: first the finite sides of the box (min x, max x, min y, ...), then
-        /// `container.wall` in order.
-        wall: usize,
+        /// Name of the wall, such as `the side z = 0 m of the box (container.box.min)`.
+        wall: String,
         /// Overlap, m.
         overlap: f64,
         /// Time, s.
@@ -64,14 +69,16 @@ pub enum Error {
 
     /// A particle is so far beyond a wall that no force can bring it back.
     #[error(
-        "particle {i} is {beyond:.3e} m beyond wall {wall} at t = {t} s, where no force can bring it back: it \
-         starts there, or a step was too long for the contact that it was in"
+        "particle {i} is {} m beyond {wall} at t = {} s, where no force can bring it back: it \
+         starts there, or a step was too long for the contact that it was in",
+        rough(*beyond),
+        short(*t)
     )]
     BeyondWall {
         /// Particle id.
         i: u64,
-        /// Number of the wall, as in `WallForce`.
-        wall: usize,
+        /// Name of the wall, as in `WallForce`.
+        wall: String,
         /// How far its centre is beyond the wall, m.
         beyond: f64,
         /// Time, s.
@@ -80,9 +87,12 @@ pub enum Error {
 
     /// A force is not finite although the overlap is small: a position or a speed is too large.
     #[error(
-        "the forces on particle {i} are not finite at t = {t} s: its coordinates reach {position:.3e} m, \
-         its velocity {speed:.3e} m/s and its angular velocity {spin:.3e} rad/s along an axis, which is beyond \
-         what arithmetic allows"
+        "the forces on particle {i} are not finite at t = {} s: its coordinates reach {} m, its velocity {} \
+         m/s and its angular velocity {} rad/s along an axis, which is beyond what arithmetic allows",
+        short(*t),
+        rough(*position),
+        rough(*speed),
+        rough(*spin)
     )]
     OutOfRange {
         /// Particle id.
@@ -99,10 +109,17 @@ pub enum Error {
 
     /// Contacts are pressed so hard that even the smallest allowed step is too long for what they do.
     #[error(
-        "no step is short enough at t = {t} s: spheres overlap each other or a wall by up to {overlap:.3e} m \
-         ({share:.2} of the radius), which pushes them apart with {force:.1e} N within {time:.1e} s \
-         (solver.min_step = {min_step:e} s); spheres that start further apart, or a smaller \
-         contact.stiffness_exponent, would do"
+        "no step is short enough at t = {} s: spheres overlap each other or a wall by up to {} m ({} of the \
+         radius), which pushes them apart with {} N within {} s (solver.min_step = {} s); a start with \
+         overlaps of {} m or less, or solver.min_step = {} s or less, would do",
+        short(*t),
+        rough(*overlap),
+        rough(*share),
+        rough(*force),
+        rough(*time),
+        short(*min_step),
+        short(at_most(*enough)),
+        short(at_most(*min_step_enough))
     )]
     Pressed {
         /// Largest overlap, m.
@@ -115,13 +132,19 @@ pub enum Error {
         time: f64,
         /// `solver.min_step`, s.
         min_step: f64,
+        /// Largest overlap that steps of `min_step` resolve, m.
+        enough: f64,
+        /// Smallest step that resolves the overlap, s.
+        min_step_enough: f64,
         /// Time, s.
         t: f64,
     },
 
     /// An acceleration is not finite although every contact force is.
     #[error(
-        "the acceleration of particle {i} is not finite at t = {t} s: gravity, forces or 1/mass are too large"
+        "the acceleration of particle {i} is not finite at t = {} s: gravity, forces or 1/particles.mass are \
+         too large",
+        short(*t)
     )]
     Acceleration {
         /// Particle id.
@@ -132,8 +155,10 @@ pub enum Error {
 
     /// No allowed step leads to a finite state at a later time.
     #[error(
-        "no step can be made from t = {t} s: it fell to {h:e} s (solver.min_step = {min_step:e} s), limited \
-         by particle {i}"
+        "no step can be made from t = {} s: it fell to {} s (solver.min_step = {} s), limited by particle {i}",
+        short(*t),
+        rough(*h),
+        short(*min_step)
     )]
     NoStep {
         /// Time, s.
@@ -148,8 +173,11 @@ pub enum Error {
 
     /// A particle moves so fast that even the smallest allowed step could miss a collision.
     #[error(
-        "particle {i} moves too far at t = {t} s: within a step of {h:e} s (solver.min_step) by more than \
-         {travel} m (0.1 particles.radius), and a collision could be missed"
+        "particle {i} moves too far at t = {} s: within a step of {} s (solver.min_step) by more than {} m \
+         (0.1 particles.radius), and a collision could be missed",
+        short(*t),
+        rough(*h),
+        rough(*travel)
     )]
     TooFast {
         /// Time, s.
@@ -164,9 +192,13 @@ pub enum Error {
 
     /// Too many steps were accepted at the minimum in spite of their error, which is rounding noise.
     #[error(
-        "solver.tolerance = {tolerance:e} is below round-off: {forced} of {accepted} steps up to t = {t} s \
-         were accepted at solver.min_step = {min_step:e} s with a larger error (step {h:e} s, limited by \
-         particle {i}); a larger tolerance, or smaller forces at the start, would do"
+        "solver.tolerance = {} is below round-off: {forced} of {accepted} steps up to t = {} s were accepted \
+         at solver.min_step = {} s with a larger error (step {} s, limited by particle {i}); a larger \
+         tolerance, or smaller forces at the start, would do",
+        short(*tolerance),
+        short(*t),
+        short(*min_step),
+        rough(*h)
     )]
     BelowRoundOff {
         /// `solver.tolerance`.
@@ -187,9 +219,11 @@ pub enum Error {
 
     /// The tolerance is smaller than the rounding error of a single step.
     #[error(
-        "solver.tolerance = {tolerance:e} is below round-off: a step is rounded by {rounding:.1e} of the \
-         scales of the norm, as particle {i} is so far from the origin or so fast; {enough:.1e} or more \
-         would do"
+        "solver.tolerance = {} is below round-off: a step is rounded by {} of the scales of the norm, as \
+         particle {i} is so far from the origin or so fast; {} or more would do",
+        short(*tolerance),
+        rough(*rounding),
+        short(at_least(*enough))
     )]
     Rounding {
         /// `solver.tolerance`.
@@ -214,7 +248,7 @@ pub enum Error {
     },
 
     /// A run of a comparison needed more right-hand sides than it is allowed.
-    #[error("stopped at t = {t} s after {done} right-hand sides: a run may take {limit}")]
+    #[error("stopped at t = {} s after {done} right-hand sides: a run may take {limit}", short(*t))]
     WorkLimit {
         /// Time, s.
         t: f64,
@@ -259,8 +293,17 @@ pub enum Error {
         why: String,
     },
 
+    /// All is done, but what the program has to say could not be printed.
+    #[error("cannot write to stdout: {why}{kept}")]
+    Print {
+        /// The error message of the system.
+        why: String,
+        /// What there is all the same, after a semicolon; or nothing.
+        kept: String,
+    },
+
     /// The run was stopped on request, after it had written a checkpoint.
-    #[error("stopped by {request} at t = {t} s; demhybrid --resume {file} goes on from there")]
+    #[error("stopped by {request} at t = {} s; demhybrid --resume {file} goes on from there", short(*t))]
     Stopped {
         /// What requested the stop.
         request: StopRequest,
@@ -271,7 +314,7 @@ pub enum Error {
     },
 
     /// A particle was lost or duplicated: a bug in the program, never a mistake of the user.
-    #[error("particle {id} was {what} while particles migrated between ranks at t = {t} s")]
+    #[error("particle {id} was {what} while particles migrated between ranks at t = {} s", short(*t))]
     Migration {
         /// Particle id.
         id: u64,
@@ -312,7 +355,10 @@ impl Error {
             | Error::NoRun { .. }
             | Error::WorkLimit { .. } => 3,
             Error::Elsewhere { code } => *code,
-            Error::Output { .. } | Error::Replaced { .. } | Error::Checkpoint { .. } => 4,
+            Error::Output { .. }
+            | Error::Replaced { .. }
+            | Error::Checkpoint { .. }
+            | Error::Print { .. } => 4,
             Error::Stopped { .. } => 5,
             Error::Migration { .. } => 70,
         }

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use demhybrid::cli::{CommandLine, Work, accuracy, ensemble, run, tools};
-use demhybrid::domain::{Comm, launch, world};
+use demhybrid::domain::{Comm, launch, stdout, world};
 use demhybrid::error::Error;
 use demhybrid::threads::huge_pages::HugePages;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -20,7 +20,12 @@ fn main() {
         match launch::speaks_first() {
             // A single write: mpirun may insert its own text between two writes.
             true if message.use_stderr() => launch::say(&message.to_string()),
-            true => message.exit(),
+            true => {
+                if let Err(error) = stdout::print_by(|| message.print(), "") {
+                    launch::say(&format!("demhybrid: error: {error}"));
+                    std::process::exit(error.exit_code())
+                }
+            }
             false => {}
         }
         std::process::exit(message.exit_code())

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 
-use crate::beds::folder::{prepare, stem};
-use crate::domain::agreement::{share, write_on_rank_0};
-use crate::domain::{Comm, launch};
+use crate::beds::folder::{prepare_together, stem};
+use crate::domain::agreement::write_on_rank_0;
+use crate::domain::{Comm, stdout};
 use crate::error::Error;
 use crate::ode::MethodName;
 use crate::studies::accuracy::{Comparison, METHODS, Request, Study, Sweep};
@@ -152,12 +152,12 @@ pub fn run(args: &AccuracyArgs, comm: &dyn Comm) -> Result<(), Error> {
     let request = args.request();
     let comparison = Comparison::load(&request, &pool)?;
     let folder = args.folder();
-    share(comm, || prepare(&folder, args.force).map(|()| String::new()))?;
+    let _lock = prepare_together(comm, &folder, args.force)?;
     comparison.announce();
     let found = comparison.found();
     write_on_rank_0(comm, || {
-        launch::print(&comparison.write(&folder, &found)?);
-        Ok(())
+        let kept = format!("; the files in {} are complete", folder.display());
+        stdout::print(&comparison.write(&folder, &found)?, &kept)
     })
 }
 

@@ -7,9 +7,11 @@ use crate::beds::folder::{prepare, stem};
 use crate::beds::measures::contacts::SHARE;
 use crate::beds::measures::row::{Row, centres};
 use crate::beds::report::{Measured, write};
-use crate::domain::launch;
+use crate::domain::stdout;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, Which};
+use crate::math::digits::short;
+use crate::scene::caveats::caveats;
 
 /// Which bed to measure, and where to write the results.
 #[derive(Debug, Clone, PartialEq, clap::Args)]
@@ -53,7 +55,7 @@ pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
     let last = run_file.state(frames[frames.len() - 1])?;
     let (region, words) = args.region.region().of(&run_file.scene, &centres(&last));
     let folder = args.output.clone().unwrap_or_else(|| format!("{}-analysis", stem(&args.run)).into());
-    prepare(&folder, args.force)?;
+    let _lock = prepare(&folder, args.force)?;
 
     let mut rows = Vec::new();
     for &k in &frames[..frames.len() - 1] {
@@ -61,8 +63,8 @@ pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
     }
     let measured = Measured::of(&run_file, &last, &region, words, args.share, rows)?;
     let written = write(&folder, &stem(&args.run), &run_file, &measured, &last)?;
-    launch::print(&table(&run_file, &measured, &folder, written));
-    Ok(())
+    let kept = format!("; the files in {} are complete", folder.display());
+    stdout::print(&table(&run_file, &measured, &folder, written), &kept)
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -80,12 +82,13 @@ fn table(run_file: &RunFile, measured: &Measured, folder: &Path, files: usize) -
         run_file.path().display(),
         measured.last().frame,
         run_file.frames,
-        measured.last().time,
+        short(measured.last().time),
         run_file.count,
         if run_file.completed { "" } else { ", the run is not complete" },
     )];
     lines.push(format!("measured in {}", measured.region_words));
     lines.extend(measured.findings().iter().map(|(name, value)| format!("  {name:<36}{value}")));
+    lines.extend(caveats(&run_file.scene).iter().map(|caveat| format!("  note: {caveat}")));
     lines.push(format!("{files} files in {}; report.html shows all of it", folder.display()));
     lines.join("\n") + "\n"
 }

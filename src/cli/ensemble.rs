@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 
 use super::RegionArgs;
-use crate::beds::folder::{prepare, stem};
-use crate::domain::agreement::{share, write_on_rank_0};
-use crate::domain::{Comm, launch};
+use crate::beds::folder::{prepare_together, stem};
+use crate::domain::agreement::write_on_rank_0;
+use crate::domain::{Comm, launch, stdout};
 use crate::error::Error;
 use crate::studies::ensemble::{self, Case, MEASURES, MeasureId, Plan, Request, Seeds, Vary, gather};
 use crate::studies::job_pool::JobPool;
@@ -114,23 +114,24 @@ pub fn run(args: &EnsembleArgs, comm: &dyn Comm) -> Result<(), Error> {
     let pool = JobPool::start(comm, args.threads, args.quiet)?;
     let plan = Plan { times: args.times, region: args.region.region() };
     let folder = args.folder();
-    let make_folder = || share(comm, || prepare(&folder, args.force).map(|()| String::new()));
+    let make_folder = || prepare_together(comm, &folder, args.force);
+    let _lock;
     let cases = match args.gather.first() {
         None => {
             let cases = ensemble::load(&args.request(), comm)?;
-            make_folder()?;
+            _lock = make_folder()?;
             ensemble::run(&pool, &cases, &args.seeds.0, &plan)
         }
         Some(_) => {
             let found = gather::find(&args.gather, comm)?;
-            make_folder()?;
+            _lock = make_folder()?;
             gather::measure(&pool, &found, &plan)
         }
     };
     warn(&cases, comm);
     write_on_rank_0(comm, || {
-        launch::print(&ensemble::write(&folder, &cases, &args.measures)?);
-        Ok(())
+        let kept = format!("; the files in {} are complete", folder.display());
+        stdout::print(&ensemble::write(&folder, &cases, &args.measures)?, &kept)
     })?;
     ensemble::check_cases(&cases)
 }

@@ -66,7 +66,14 @@ pub fn run(args: &ExportArgs) -> Result<(), Error> {
     let run = RunFile::open(&args.run)?;
     let frames = run.numbers(args.frame)?;
     let written = export::write(&run, &frames, &args.options())?;
-    launch::say(&format!("demhybrid: {}", told(&written, &frames, &run)));
+    let volume = match args.to {
+        Format::Stl => format!(
+            "; the triangles of a sphere have its volume: their corners lie {:.4} radii from its centre",
+            export::reach_of_triangles(args.subdivisions)
+        ),
+        _ => String::new(),
+    };
+    launch::say(&format!("demhybrid: {}{volume}", told(&written, &frames, &run)));
     Ok(())
 }
 

@@ -35,7 +35,7 @@ pub fn write(path: &Path, force: bool) -> Result<(), Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{DEFAULT_DAMPING, DEFAULT_STIFFNESS_RATIO, Scene, Stop, schema};
+    use crate::scene::{DEFAULT_DAMPING, DEFAULT_STIFFNESS_RATIO, Scene, schema};
 
     /// The scene with all keys that are behind `#`. Sentences have a blank after the `#` and stay comments.
     fn with_all_keys() -> String {
@@ -55,7 +55,7 @@ mod tests {
         let mut spelt_out =
             Scene::parse("scene.toml", &all, &[]).unwrap_or_else(|why| panic!("{why}\n{all}"));
         assert!(spelt_out.checkpoint.take().is_some() && spelt_out.limits.take().is_some());
-        assert_eq!(spelt_out.stop.take().map(|stop| stop.window), Some(Stop::default().window));
+        assert!(spelt_out.stop.take().is_some());
         spelt_out.container.wall.clear();
         // These values are computed if they are left out.
         (spelt_out.solver.velocity_scale, spelt_out.solver.neglected_force) = (None, None);

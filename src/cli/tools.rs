@@ -1,7 +1,7 @@
 //! Commands that need neither MPI nor a simulation: they read the file of a run, or describe the program.
 
 use super::{CommandLine, Tool, analyze, export, init, render};
-use crate::domain::launch;
+use crate::domain::{launch, stdout};
 use crate::error::Error;
 use crate::scene;
 use clap::CommandFactory;
@@ -28,22 +28,17 @@ fn run(tool: &Tool) -> Result<(), Error> {
         Tool::Export(args) => export::run(args),
         Tool::Init { scene, force } => init::write(scene, *force),
         Tool::Render(args) => render::run(args),
-        Tool::Schema => {
-            launch::print(&scene::schema());
-            Ok(())
-        }
+        Tool::Schema => stdout::print(&scene::schema(), ""),
         Tool::Completions { shell } => {
             let mut text = Vec::new();
             clap_complete::generate(*shell, &mut CommandLine::command(), "demhybrid", &mut text);
-            launch::print(&String::from_utf8_lossy(&text));
-            Ok(())
+            stdout::print(&String::from_utf8_lossy(&text), "")
         }
         Tool::Man => {
             let mut text = Vec::new();
             let page = clap_mangen::Man::new(CommandLine::command()).render(&mut text);
             page.map_err(|why| Error::Input(format!("the manual page cannot be made: {why}")))?;
-            launch::print(&String::from_utf8_lossy(&text));
-            Ok(())
+            stdout::print(&String::from_utf8_lossy(&text), "")
         }
     }
 }

@@ -56,11 +56,6 @@ pub fn say(text: &str) {
     let _ = std::io::stderr().write_all(format!("{}\n", text.trim_end()).as_bytes());
 }
 
-/// Prints to stdout. A reader that has gone, such as `head`, is not an error.
-pub fn print(text: &str) {
-    let _ = std::io::stdout().write_all(text.as_bytes());
-}
-
 /// Makes a panic print one message that names the rank.
 ///
 /// The panicking thread only prints. Only the main thread may call MPI; it aborts the job when the panic

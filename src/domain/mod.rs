@@ -8,6 +8,7 @@ pub mod launch;
 pub mod migration;
 pub mod rows;
 pub mod slabs;
+pub mod stdout;
 pub mod table;
 #[cfg_attr(feature = "mpi", path = "world/mpi.rs")]
 #[cfg_attr(not(feature = "mpi"), path = "world/alone.rs")]

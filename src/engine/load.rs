@@ -19,9 +19,10 @@ use std::path::Path;
 pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, InitialCondition), Error> {
     let text = share(comm, || {
         let unreadable = |why| Error::Input(format!("{}: the scene cannot be read: {why}", path.display()));
-        initial_condition::read_bytes(path)
-            .map_err(|why| unreadable(why.to_string()))
-            .and_then(|bytes| String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".into())))
+        initial_condition::read_bytes(path).map_err(|why| unreadable(why.to_string())).and_then(|bytes| {
+            initial_condition::text_of(bytes)
+                .map_err(|(line, why)| unreadable(format!("line {line} is {why}")))
+        })
     })?;
     let name = path.to_string_lossy();
     let mut scene = Scene::parse(&name, &text, sets)?;
@@ -58,13 +59,14 @@ pub fn share_start(comm: &dyn Comm, own: InitialCondition) -> InitialCondition {
     };
     let vectors = |own: &[[f64; 3]]| numbers(own.as_flattened()).as_chunks().0.to_vec();
     let (x, v, omega) = (vectors(&own.x), vectors(&own.v), vectors(&own.omega));
+    let unread = own.unread;
     let (columns, own): (Vec<Column>, Vec<Vec<f64>>) = own.columns.into_iter().unzip();
-    let mut described = serde_json::to_vec(&columns).expect("a column is text and numbers");
+    let mut described = serde_json::to_vec(&(columns, unread)).expect("columns are text and numbers");
     comm.broadcast(&mut described);
-    let columns: Vec<Column> = serde_json::from_slice(&described).expect("rank 0 described them");
+    let (columns, unread): (Vec<Column>, _) = serde_json::from_slice(&described).expect("rank 0 wrote them");
     let own = own.iter().map(Vec::as_slice).chain(iter::repeat(&[][..]));
     let columns = columns.into_iter().zip(own).map(|(column, own)| (column, numbers(own))).collect();
-    InitialCondition { x, v, omega, columns }
+    InitialCondition { x, v, omega, columns, unread }
 }
 
 /// Listed pairs per particle in a packed bed, approximately.
@@ -129,6 +131,7 @@ mod tests {
             v: vec![[2.0, 2.1, 2.2], [3.0, 3.1, 3.2]],
             omega: vec![[4.0, 4.1, 4.2], [5.0, 5.1, 5.2]],
             columns: vec![(column("tag", 1), vec![6.0, 7.0]), (column("way", 2), vec![8.0, 8.5, 9.0, 9.5])],
+            unread: vec!["mass".to_owned()],
         };
         team(3, |comm| {
             let own = if comm.rank() == 0 { start.clone() } else { InitialCondition::default() };

@@ -1,6 +1,7 @@
-//! Mathematics without physics: vectors, elementary functions, exact sums, vector instructions, statistics,
-//! and numbers as text.
+//! Mathematics without physics: vectors, points in cells, elementary functions, exact sums, vector
+//! instructions, statistics, and numbers as text.
 
+pub mod cells;
 pub mod digits;
 pub mod elementary;
 pub mod exact;

@@ -5,8 +5,10 @@ use toml::de::{DeInteger, DeTable, DeValue};
 
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
-use super::{BoxSides, Checkpoint, Container, Grid, Scene, Stop};
+use super::stop::Stop;
+use super::{BoxSides, Checkpoint, Container, Grid, Scene};
 use crate::error::Error;
+use crate::math::digits::{rough, short};
 use crate::model::effects::FrictionLaw;
 use crate::ode::MethodName;
 
@@ -186,16 +188,19 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
     // lengths.
     let name = &brief(name);
     let near = |other: &str| strsim::normalized_damerau_levenshtein(&name.to_lowercase(), other);
-    const NEAR_ENOUGH: f64 = 0.6;
-    let nearest = |names: &mut dyn Iterator<Item = &'static Key>| {
+    let nearest = |names: &mut dyn Iterator<Item = &'static Key>, near_enough: f64| {
         names
             .map(|key| (near(key.name()), key))
-            .filter(|&(near, _)| near >= NEAR_ENOUGH)
+            .filter(|&(near, _)| near >= near_enough)
             .max_by(|(a, _), (b, _)| a.total_cmp(b))
             .map(|(_, key)| key)
     };
-    let here = nearest(&mut keys::of_table(schema));
-    let anywhere = || nearest(&mut KEYS.iter().filter(|key| key.table() != schema));
+    // Of the few keys of the table itself one may differ by a third of its letters. Among all others a name is
+    // meant only if it is the same but for a slip.
+    const HERE: f64 = 0.6;
+    const ELSEWHERE: f64 = 0.85;
+    let here = nearest(&mut keys::of_table(schema), HERE);
+    let anywhere = || nearest(&mut KEYS.iter().filter(|key| key.table() != schema), ELSEWHERE);
     let hint = match here.map(|key| (key, "")).or_else(|| anywhere().map(|key| (key, " elsewhere"))) {
         None => String::new(),
         Some((key, "")) => format!("did you mean {}? ", joined(shown, key.name())),
@@ -268,8 +273,10 @@ fn box_sides(source: &Source, sides: &BoxSides) -> Result<(), Error> {
         if min >= max {
             let span = source.value("container.box.max").or_else(|| source.value("container.box.min"));
             let message = format!(
-                "container.box is empty in {axis}: container.box.min = {min} m must be less than \
-                 container.box.max = {max} m"
+                "container.box is empty in {axis}: container.box.min = {} m must be less than \
+                 container.box.max = {} m",
+                short(min),
+                short(max)
             );
             return Err(source.error(span, &message));
         }
@@ -298,9 +305,10 @@ fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<
         let side = max - min;
         if cells_along(side, grid.spacing) == 0 {
             let message = format!(
-                "{} is larger than the side of container.box in {axis}, {side} m: not one cell of the grid \
+                "{} is larger than the side of container.box in {axis}, {} m: not one cell of the grid \
                  fits in, it must be at most that",
-                source.assignment("particles.grid.spacing", grid.spacing, "m")
+                source.assignment("particles.grid.spacing", grid.spacing, "m"),
+                short(side)
             );
             let span = source.value("particles.grid.spacing").or_else(|| source.value("container.box.max"));
             return Err(source.error(span, &message));
@@ -402,11 +410,15 @@ fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {
 
 /// Checks that `[stop]`, if given, has a criterion, and `[checkpoint]`, if given, one of its two times.
 fn checkpoints(source: &Source, scene: &Scene) -> Result<(), Error> {
-    if let Some(Stop { kinetic_energy: None, unbalanced_force: None, height_change: None, .. }) = scene.stop {
+    let none = |stop: &Stop| {
+        let Stop { kinetic_energy, unbalanced_force, height_change, speed, .. } = stop;
+        [kinetic_energy, unbalanced_force, height_change, speed].into_iter().all(Option::is_none)
+    };
+    if scene.stop.as_ref().is_some_and(none) {
         return Err(source.error(
             source.key("stop"),
-            "[stop] needs kinetic_energy (J a sphere), unbalanced_force or height_change (m), e.g. \
-             kinetic_energy = 1e-6",
+            "[stop] needs kinetic_energy (J a sphere), unbalanced_force, height_change (m) or speed (m/s), \
+             e.g. unbalanced_force = 1e-3",
         ));
     }
     match &scene.checkpoint {
@@ -426,11 +438,13 @@ fn frames(source: &Source, scene: &Scene) -> Result<(), Error> {
     }
     let span = source.value("output.interval").or_else(|| source.value("t_end"));
     let message = format!(
-        "{} would write {frames:e} frames until {}, more than {MOST_FRAMES:e}: it is the simulated time \
-         between frames in s, e.g. interval = {}",
+        "{} would write {} frames until {}, more than {}: it is the simulated time between frames in s, \
+         e.g. interval = {}",
         source.assignment("output.interval", interval, "s"),
+        rough(frames),
         source.assignment("t_end", scene.t_end, "s"),
-        scene.t_end / 100.0
+        short(MOST_FRAMES),
+        short(scene.t_end / 100.0)
     );
     Err(source.error(span, &message))
 }

@@ -1,6 +1,7 @@
 //! The list of all keys of a scene, with type, range, unit and a typical value. Messages quote it.
 
 use super::SyncEvery;
+use super::stop::Units;
 use crate::model::effects::FrictionLaw;
 use crate::ode::{MethodName, NormName};
 use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word, WordOrNumber};
@@ -72,7 +73,7 @@ pub(super) const KEYS: &[Key] = &[
     required("t_end", Number(Positive), "the simulated time in s", "8.0"),
     optional("gravity", Vector { open: false }, "the acceleration of gravity in m/s^2", "[0.0, 0.0, -9.81]"),
     required("particles", Table,
-             "the table of the spheres and their source", "{ radius = 0.1, file = \"start.csv\" }"),
+             "the table of the spheres and their source", "{ radius = 0.1, mass = 1, file = \"start.csv\" }"),
     optional("container", Table,
              "the table of the walls", "{ box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] } }"),
     required("contact", Table, "the table of the contact law",
@@ -88,7 +89,8 @@ pub(super) const KEYS: &[Key] = &[
              "the table of when the spheres are at rest, which ends the run", "{ kinetic_energy = 1e-6 }"),
 
     required("particles.radius", Number(Positive), "the radius r of every sphere in m", "0.1"),
-    optional("particles.mass", Number(Positive), "the mass of one sphere in kg", "1.0"),
+    required("particles.mass", Number(Positive),
+             "the mass of one sphere, 4/3 pi r^3 times its density, in kg", "1.0"),
     optional("particles.file", Text, "the path of a CSV file with the columns x,y,z", "\"start.csv\""),
     optional("particles.grid", Table,
              "the table of the randomly perturbed grid", "{ count = 200, spacing = 0.25 }"),
@@ -165,8 +167,11 @@ pub(super) const KEYS: &[Key] = &[
              "the sum of net forces at rest over that of contact forces and weights, at most", "1e-3"),
     optional("stop.height_change", Number(Positive),
              "the change of the height of the bed at rest in m, at most", "1e-5"),
+    optional("stop.speed", Number(Positive),
+             "the speed of every sphere at rest in m/s, at most", "0.01"),
     optional("stop.window", Number(Positive),
              "the simulated time in s for which the spheres must be at rest", "0.1"),
+    optional("stop.units", Word(Units::NAMES), "the units of [stop]: SI, or those of the scene", "\"scene\""),
 
     optional("limits.wall", Number(Positive),
              "the wall time in s after which the run saves itself and stops", "3600.0"),

@@ -5,12 +5,14 @@
 //!
 //! [`initial_condition`] checks what depends on the positions of particles.
 
+pub mod caveats;
 mod check;
 pub mod effects;
 pub mod initial_condition;
 mod keys;
 mod schema;
 mod source;
+pub mod stop;
 mod sync_every;
 pub mod walls;
 
@@ -39,7 +41,7 @@ pub use sync_every::SyncEvery;
 /// let scene = Scene::parse("configs/quick.toml", &text, &["particles.radius=0.08".to_owned()])?;
 /// assert_eq!(scene.particles.radius, 0.08); // m, as set
 /// assert_eq!(scene.t_end, 1.0); // s, from the text
-/// assert_eq!(scene.particles.mass, 1.0); // kg
+/// assert_eq!(scene.particles.mass, 1.0); // kg, which no scene may leave out
 /// assert!(scene.rotates());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -71,7 +73,7 @@ pub struct Scene {
     /// Limits that stop the run early.
     pub limits: Option<Limits>,
     /// When the particles count as at rest, which ends the run.
-    pub stop: Option<Stop>,
+    pub stop: Option<stop::Stop>,
 }
 
 /// Identical spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
@@ -81,7 +83,6 @@ pub struct Particles {
     /// Radius r of every particle, m; > 0.
     pub radius: f64,
     /// Mass of one particle, kg; > 0.
-    #[serde(default = "unit_mass")]
     pub mass: f64,
     /// CSV file with the initial condition, as the user wrote it.
     ///
@@ -91,30 +92,36 @@ pub struct Particles {
     pub grid: Option<Grid>,
 }
 
-fn unit_mass() -> f64 {
-    1.0
+/// What a number with a unit is until [`Scene::parse`] gives it a default, which follows from other keys.
+const LEFT_OUT: f64 = f64::NAN;
+
+fn left_out() -> f64 {
+    LEFT_OUT
 }
 
 /// The paper's randomly perturbed grid (Fig. 4.2a), filled layer by layer from the bottom.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[serde(deny_unknown_fields)]
 pub struct Grid {
     /// Number of particles, in 1..=1e9.
+    #[serde(default = "usual_count")]
     pub count: u64,
-    /// Side of a cubic cell, m; > 0, and no larger than the box in x and y.
+    /// Side of a cubic cell, m; > 0, and no larger than the box in x and y. 2.5 radii if left out.
+    #[serde(default = "left_out")]
     pub spacing: f64,
-    /// Upper bound of the random shift of a centre along each axis, m; >= 0.
+    /// Upper bound of the random shift of a centre along each axis, m; >= 0. A quarter of a radius if left out.
+    #[serde(default = "left_out")]
     pub jitter: f64,
-    /// Height of the lower face of the first layer of cells, m.
+    /// Height of the lower face of the first layer of cells, m. 11 radii above the floor of the box, or above
+    /// z = 0 if it has none, if left out.
+    #[serde(default = "left_out")]
     pub bottom: f64,
     /// Seed of the random shifts; `Some` after [`Scene::set_seed_if_missing`].
     pub seed: Option<u64>,
 }
 
-impl Default for Grid {
-    fn default() -> Self {
-        Grid { count: 200, spacing: 0.25, jitter: 0.025, bottom: 1.1, seed: None }
-    }
+fn usual_count() -> u64 {
+    200
 }
 
 /// The walls of a scene.
@@ -138,13 +145,13 @@ pub struct Container {
 pub struct BoxSides {
     /// Lower corner, m; -inf leaves a side open.
     pub min: [f64; 3],
-    /// Upper corner, m; inf leaves a side open.
+    /// Upper corner, m; inf leaves a side open. If left out, 10 radii in x and y, and open in z.
     pub max: [f64; 3],
 }
 
 impl Default for BoxSides {
     fn default() -> Self {
-        BoxSides { min: [0.0; 3], max: [1.0, 1.0, f64::INFINITY] }
+        BoxSides { min: [0.0; 3], max: [LEFT_OUT, LEFT_OUT, f64::INFINITY] }
     }
 }
 
@@ -309,28 +316,6 @@ pub struct Limits {
     pub wall: Option<f64>,
 }
 
-/// When the particles count as at rest: one of the first three criteria has held for the time `window`.
-///
-/// At least one of these criteria is `Some`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Stop {
-    /// Largest mean kinetic energy of a particle, J; > 0.
-    pub kinetic_energy: Option<f64>,
-    /// Largest unbalanced force ([`crate::engine::dynamics::Dynamics::unbalanced_force`]); > 0.
-    pub unbalanced_force: Option<f64>,
-    /// Largest change of the height of the bed, m; > 0.
-    pub height_change: Option<f64>,
-    /// Simulated time for which a criterion must hold, s; > 0.
-    pub window: f64,
-}
-
-impl Default for Stop {
-    fn default() -> Self {
-        Stop { kinetic_energy: None, unbalanced_force: None, height_change: None, window: 0.1 }
-    }
-}
-
 impl Scene {
     /// Reads and checks a scene.
     ///
@@ -354,6 +339,7 @@ impl Scene {
         check::keys_and_values(&mut source, table.get_ref())?;
         let mut scene = Scene::deserialize(toml::Deserializer::from(table))
             .map_err(|mistake| source.error(mistake.span(), mistake.message()))?;
+        scene.fill_in_lengths();
         scene.fill_in_output(name);
         scene.fill_in_tolerance();
         let remembers = scene.friction.as_ref().is_some_and(|friction| friction.law == FrictionLaw::History);
@@ -395,6 +381,27 @@ impl Scene {
         self.friction.as_ref().is_some_and(|friction| friction.rotation && friction.coefficient > 0.0)
     }
 
+    /// Lengths that are left out follow from the radius: a bed of spheres of any size is the same bed.
+    fn fill_in_lengths(&mut self) {
+        let r = self.particles.radius;
+        let fill_in = |length: &mut f64, default: f64| {
+            if length.is_nan() {
+                // A scene of any radius can be written with its lengths.
+                *length = default.min(f64::MAX);
+            }
+        };
+        let mut floor = 0.0;
+        if let Some(sides) = &mut self.container.r#box {
+            sides.max.iter_mut().for_each(|max| fill_in(max, 10.0 * r));
+            floor = Some(sides.min[2]).filter(|floor| floor.is_finite()).unwrap_or(0.0);
+        }
+        if let Some(grid) = &mut self.particles.grid {
+            fill_in(&mut grid.spacing, 2.5 * r);
+            fill_in(&mut grid.jitter, 0.25 * r);
+            fill_in(&mut grid.bottom, floor + 11.0 * r);
+        }
+    }
+
     fn fill_in_tolerance(&mut self) {
         let braked = self.friction.as_ref().is_some_and(|f| f.law == FrictionLaw::Regularized);
         let solver = &mut self.solver;
@@ -423,7 +430,7 @@ mod tests {
 
     const SHORT: &str = "
         t_end = 8
-        particles = { radius = 0.1, file = 'start.csv' }
+        particles = { radius = 0.1, mass = 1, file = 'start.csv' }
         [contact]
         repulsion_at_contact = 10
         stiffness_exponent = 150
@@ -449,6 +456,25 @@ mod tests {
         assert_eq!((scene.solver.min_step, scene.solver.max_step), (1e-9, f64::INFINITY));
         assert_eq!(scene.output.file, Some("short.vtkhdf".into()));
         assert_eq!((scene.output.interval, scene.output.sync), (Some(0.08), SyncEvery::Seconds(1.0)));
+    }
+
+    #[test]
+    fn lengths_that_are_left_out_follow_from_the_radius() {
+        let text = SHORT.replace("file = 'start.csv'", "grid = {}");
+        let of = |sets: &[&str]| {
+            let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+            let scene = Scene::parse("grid.toml", &text, &sets).unwrap();
+            let (grid, sides) = (scene.particles.grid.unwrap(), scene.container.r#box.unwrap());
+            (grid.count, [grid.spacing, grid.jitter, grid.bottom], sides.max)
+        };
+        let paper = (200, [0.25, 0.025, 1.1], [1.0, 1.0, f64::INFINITY]);
+        assert_eq!(of(&["container.box={}"]), paper);
+        let (_, lengths, max) = of(&["container.box={}", "particles.radius=0.0078125"]);
+        // Powers of two: the products are exact.
+        assert_eq!(lengths, [0.25, 0.025, 1.1].map(|length| length * 0.078125));
+        assert_eq!(max, [0.078125, 0.078125, f64::INFINITY]);
+        let (_, [_, _, bottom], _) = of(&["container.box={ min = [0, 0, 2] }"]);
+        assert_eq!(bottom, 3.1);
     }
 
     #[test]

@@ -10,6 +10,7 @@ use toml::de::{DeTable, DeValue};
 use toml_parser::lexer::TokenKind;
 
 use crate::error::Error;
+use crate::math::digits::short;
 
 /// Deepest nesting of brackets and braces, and most words of a key. A scene needs three.
 const DEEPEST: usize = 32;
@@ -114,7 +115,7 @@ impl<'a> Source<'a> {
     pub fn assignment(&self, path: &str, default: f64, unit: &str) -> String {
         match self.value(path) {
             Some(span) => format!("{path} = {} {unit}", self.written(&span)),
-            None => format!("{path} = {default:?} {unit} (the default)"),
+            None => format!("{path} = {} {unit} (the default)", short(default)),
         }
     }
 

@@ -1,6 +1,6 @@
 //! The walls of a scene: the sides of its box and the planes of `container.wall`.
 
-use crate::math::digits::triple;
+use crate::math::digits::{short, triple};
 use crate::math::vector::Vec3;
 use crate::model::wall::Wall;
 use crate::scene;
@@ -20,7 +20,7 @@ fn named_walls(container: &scene::Container) -> Vec<(Wall, String, String)> {
                         v[axis] = length;
                         v
                     };
-                    let name = format!("{letter} = {position} m");
+                    let name = format!("{letter} = {} m", short(position));
                     let words = format!("the side {name} of the box (container.box.{corner})");
                     walls.push((Wall::new(along(position), along(sign)), name, words));
                 }

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// force is 1e-12 N: its jump there is below that tolerance and costs no steps.
 const TIGHT: &str = "
     t_end = 1.0
-    particles = { radius = 0.1, file = 'bodies of the test' }
+    particles = { radius = 0.1, mass = 1, file = 'bodies of the test' }
     contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4,
                 dissipation_focusing = 10.0, interaction_distance = 0.2 }
     solver = { method = 'merson', norm = 'paper', tolerance = 1e-9, initial_step = 1e-4 }

@@ -257,3 +257,17 @@ fn angular_momentum_changes_by_the_friction_couple_across_the_gap() {
     assert!(size > 1e-3, "{size}");
     assert_near("L(t) - L(0) - int l n x F_fr dt, kg m^2/s", worst, 0.0, 1e-8);
 }
+
+#[test]
+fn an_oblique_pair_gains_angular_momentum_with_the_papers_friction_and_none_with_memory() {
+    let gain = |law: &str| {
+        let pair = Case::tight().rough(true).set("friction.law", law).set("t_end", 0.6);
+        let pair = pair.sphere(Vec3::zeros(), Vec3::new(2.0, 0.0, 0.0));
+        let run = pair.sphere(Vec3::new(0.5, 0.15, 0.0), Vec3::new(-2.0, 0.0, 0.0)).run();
+        let end = run.end();
+        let momentum: Vec3 = (0..2).map(|i| end.x[i].cross(&end.v[i]) + end.omega[i] * (0.4 * R * R)).sum();
+        momentum.norm() / 0.3 - 1.0
+    };
+    assert_near("gain with the paper's friction", gain("regularized"), 0.0263, 1e-4);
+    assert_near("gain with friction that remembers", gain("history"), 0.0, 1e-9);
+}

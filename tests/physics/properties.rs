@@ -46,7 +46,7 @@ type Slope = [Vec3; 3];
 impl Cloud {
     fn scene(&self) -> Scene {
         let text = format!(
-            "t_end = 1\nparticles = {{ radius = {R}, file = 'the cloud' }}\n\
+            "t_end = 1\nparticles = {{ radius = {R}, mass = 1, file = 'the cloud' }}\n\
              contact = {{ repulsion_at_contact = {F_0}, stiffness_exponent = {KAPPA}, restitution = {},\n\
              dissipation_focusing = 10, interaction_distance = {L_MAX} }}",
             self.restitution

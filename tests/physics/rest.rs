@@ -127,3 +127,41 @@ fn a_column_of_a_hundred_spheres_stays_in_its_equilibrium() {
         assert!((Vec3::from(*before) - after).norm() < 1e-10, "{before:?} moved to {after}");
     }
 }
+
+/// Forty spheres at rest on an open floor, and one that rolls away from them at 0.5 m/s.
+fn spheres_and_one_that_rolls(law: &str) -> Case {
+    let height = R + bearing_gap(0.4, G);
+    let case = Case::defaults().rough(true).floor().heavy().set("friction.law", law).set("t_end", 3.0);
+    let case = (0..40).fold(case, |case, k| {
+        let place = Vec3::new(f64::from(k % 8), f64::from(k / 8), 0.0);
+        case.sphere(place + Vec3::z() * height, Vec3::zeros())
+    });
+    let speed = 0.5;
+    case.spinning_sphere(Vec3::new(8.0, 2.0, height), speed * Vec3::x(), speed / height * Vec3::y())
+}
+
+#[test]
+fn nothing_is_at_rest_while_one_sphere_rolls_away() {
+    // Each criterion holds from the start, because forces balance and the mean of 41 energies is small.
+    for criterion in ["unbalanced_force", "kinetic_energy", "height_change", "speed"] {
+        let most = if criterion == "speed" { 0.05 } else { 0.1 };
+        let rolling = spheres_and_one_that_rolls("regularized").set(&format!("stop.{criterion}"), most);
+        assert_eq!(rolling.run().outcome.at_rest_by, None, "{criterion}");
+        let at_any_speed = if criterion == "speed" { 1.0 } else { most };
+        let at_any_speed = rolling.set(&format!("stop.{criterion}"), at_any_speed).set("stop.speed", 1.0);
+        let outcome = at_any_speed.run().outcome;
+        assert_eq!(outcome.at_rest_by, Some(format!("stop.{criterion}").as_str()));
+        // The window of r/sqrt(g r) = 0.101 s, and two checks.
+        assert!((0.1..0.13).contains(&outcome.time), "{criterion}: {} s", outcome.time);
+    }
+}
+
+#[test]
+fn a_bed_is_at_rest_when_its_last_sphere_has_rolled_out() {
+    let rolling = spheres_and_one_that_rolls("history").set("friction.rolling.coefficient", 0.05);
+    let run = rolling.set("stop.unbalanced_force", 1e-3).set("stop.units", "scene").run();
+    // The moment 0.05 r m g brakes it by (5/7) 0.05 g = 0.350 m/s^2, so it stops after 1.43 s.
+    let stops = 0.5 / (5.0 / 7.0 * 0.05 * G);
+    assert_eq!(run.outcome.at_rest_by, Some("stop.unbalanced_force"));
+    assert!((stops..stops + 0.3).contains(&run.outcome.time), "{} s", run.outcome.time);
+}

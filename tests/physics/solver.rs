@@ -2,7 +2,7 @@
 //! changes nothing, nothing flies through anything, directions are alike, and what cannot be computed is an
 //! error.
 
-use crate::common::{Case, Run, run_law, run_unturnable};
+use crate::common::{Case, Run, run, run_law, run_unturnable};
 use demhybrid::error::Error;
 use demhybrid::math::vector::Vec3;
 use demhybrid::model::contact::{Coulomb, Dissipative, Elastic, Frictionless, Turning};
@@ -193,8 +193,11 @@ fn coincident_centres_are_an_error_that_names_them() {
         .sphere(Vec3::x(), Vec3::zeros())
         .sphere(Vec3::y(), Vec3::zeros())
         .sphere(Vec3::z(), Vec3::zeros())
-        .sphere(Vec3::y(), Vec3::z());
-    let error = case.try_run().unwrap_err();
+        .sphere(Vec3::y() * 2.0, Vec3::z());
+    // A program that makes its own particles need not check them first.
+    let (scene, mut start) = case.build();
+    start.x[3] = start.x[1];
+    let error = run(&scene, &start).unwrap_err();
     assert_eq!(error, Error::Coincident { i: 1, j: 3, t: 0.0 });
     assert_eq!(error.exit_code(), 3);
 }
@@ -223,7 +226,8 @@ fn a_force_by_a_wall_beyond_a_double_is_an_error_that_names_it() {
         .sphere(Vec3::new(0.0, 1.0, 5.0), Vec3::zeros())
         .sphere(Vec3::z() * 0.02, Vec3::zeros());
     let error = case.try_run().unwrap_err();
-    let Error::WallForce { i: 1, wall: 1, overlap, t: 0.0 } = error else { panic!("{error:?}") };
+    let Error::WallForce { i: 1, ref wall, overlap, t: 0.0 } = error else { panic!("{error:?}") };
+    assert!(wall.starts_with("container.wall[1] (point (0, 0, 0) m"), "{wall}");
     // Two roundings of lengths below 0.1 m.
     assert!((overlap - 0.08).abs() < 1e-16, "{overlap}");
     assert_eq!(error.exit_code(), 3);
@@ -247,27 +251,31 @@ fn a_start_that_presses_spheres_together_is_the_cause_that_is_told() {
     let case =
         Case::config("settle.toml").set("particles.grid.spacing", 0.05).set("particles.grid.jitter", 0.004);
     let error = case.set("t_end", 0.01).try_run().unwrap_err();
-    let Error::Pressed { overlap, share, force, min_step, .. } = error else { panic!("{error:?}") };
+    let Error::Pressed { overlap, share, force, min_step, enough, .. } = error else { panic!("{error:?}") };
     assert!((overlap / 0.1 - share).abs() < 1e-12 && share > 1.4 && min_step == 1e-9, "{error:?}");
     assert!((force / (10.0 * (150.0 * overlap).exp()) - 1.0).abs() < 1e-12, "{error:?}");
     assert_eq!(error.exit_code(), 3);
     assert!(error.to_string().contains("of the radius), which pushes them apart with"), "{error}");
+    // kappa F_0 exp(kappa l) (1e-6 s)^2 = 2 m: l = ln(2e12/1500)/150 = 0.14 m.
+    assert!((enough - (2e12f64 / 1500.0).ln() / 150.0).abs() < 1e-12, "{enough}");
+    assert!(error.to_string().contains("overlaps of 0.14 m or less, or solver.min_step = "), "{error}");
 }
 
 #[test]
 fn a_state_beyond_arithmetic_is_told_with_its_particle_and_its_size() {
     let spinning = Case::defaults().rough(true).floor().set("solver.method", "velocity-verlet");
     let spinning = spinning.set("solver.step", 1e-4).sphere(Vec3::z() * 0.2, Vec3::zeros());
-    let error = spinning.spinning_sphere(Vec3::z() * 0.099, Vec3::zeros(), Vec3::x() * 1e308).try_run();
-    let error = error.unwrap_err();
+    let (scene, mut start) = spinning.sphere(Vec3::z() * 0.099, Vec3::zeros()).build();
+    start.omega[1] = [1e308, 0.0, 0.0];
+    let error = run(&scene, &start).unwrap_err();
     let Error::OutOfRange { i: 1, spin, t: 0.0, .. } = error else { panic!("{error:?}") };
     assert!((spin / 1e308 - 1.0).abs() < 1e-12, "{spin}");
     assert_eq!(error.exit_code(), 3);
     // A speed that no step can follow takes it through the floor.
     let thrown = Case::defaults().floor().set("solver.method", "velocity-verlet").set("solver.step", 1e-3);
     let error = thrown.sphere(Vec3::z() * 0.2, Vec3::z() * -1e6).try_run().unwrap_err();
-    let Error::BeyondWall { i: 0, wall: 0, beyond, .. } = error else { panic!("{error:?}") };
-    assert!(beyond > 900.0, "{beyond}");
+    let Error::BeyondWall { i: 0, ref wall, beyond, .. } = error else { panic!("{error:?}") };
+    assert!(beyond > 900.0 && wall.starts_with("container.wall[0]"), "{beyond} {wall}");
     assert_eq!(error.exit_code(), 3);
 }
 

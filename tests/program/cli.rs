@@ -12,6 +12,7 @@ t_end = 0.1
 gravity = [0.0, 0.0, -9.81]
 [particles]
 radius = 0.1
+mass = 1.0
 [particles.grid]
 count = 8
 spacing = 0.21
@@ -118,7 +119,9 @@ fn a_dry_run_tells_effects_counts_memory_and_slabs_and_writes_nothing() {
 fn effects_that_change_nothing_are_left_out_and_the_dry_run_says_so() {
     let folder = folder();
     fs::write(folder.path().join("heap.vtkhdf"), b"old").unwrap();
-    let sets = ["--set", "friction.coefficient=0", "--set", "contact.restitution=1"];
+    let mut sets = vec!["--set", "friction.coefficient=0", "--set", "contact.restitution=1"];
+    // A window longer than the run.
+    sets.extend(["--set", "stop.kinetic_energy=2", "--set", "stop.units=scene", "--set", "stop.window=100"]);
     let told = Job::alone(folder.path(), &["heap.toml", "--dry-run"]).and(&sets).run().with_code(0);
     assert!(told.line("variant").contains("basic (elastic)"), "{}", told.stdout);
     for (effect, why) in [
@@ -129,6 +132,11 @@ fn effects_that_change_nothing_are_left_out_and_the_dry_run_says_so() {
         let line = told.stdout.lines().find(|line| line.contains(effect));
         assert!(line.is_some_and(|line| line.contains(why)), "{effect}, {why}:\n{}", told.stdout);
     }
+    // 2 m g r, 0.01 sqrt(g r) and 100 sqrt(r/g); without friction nothing creeps.
+    let rest = "ends the run: mean kinetic energy at most 1.962 J, and no particle faster than 0.00990454 \
+                m/s, for 10.0964 s";
+    assert!(told.line("rest").contains(rest), "{}", told.stdout);
+    assert!(told.stderr.contains("its window of 10.0964 s (stop.window)"), "{}", told.stderr);
     // A real run would be refused: better to know before.
     let output = told.line("output");
     assert!(

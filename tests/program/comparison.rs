@@ -9,7 +9,7 @@ use tempfile::TempDir;
 const SCENE: &str = "
 t_end = 0.2
 gravity = [0.0, 0.0, -9.81]
-particles = { radius = 0.1, grid = { count = 2, spacing = 0.25, jitter = 0.02, bottom = 0.01 } }
+particles = { radius = 0.1, mass = 1, grid = { count = 2, spacing = 0.25, jitter = 0.02, bottom = 0.01 } }
 contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4,
             dissipation_focusing = 10.0, interaction_distance = 0.1 }
 friction = { coefficient = 0.2, regularization_velocity = 0.1 }

@@ -26,7 +26,7 @@ const ROTATION: &str = "[friction]\ncoefficient = 0.2\nregularization_velocity =
 /// A scene with the contacts of settle.toml and the particles of start.csv beside it.
 fn scene(t_end: f64, interval: f64, container: &str, friction: &str) -> String {
     format!(
-        "t_end = {t_end}\ngravity = [0.0, 0.0, -9.81]\nparticles = {{ radius = 0.1, file = \"start.csv\" }}\n\
+        "t_end = {t_end}\ngravity = [0.0, 0.0, -9.81]\nparticles = {{ radius = 0.1, mass = 1, file = \"start.csv\" }}\n\
          container = {container}\noutput.interval = {interval}\n{CONTACT}{friction}"
     )
 }
@@ -430,8 +430,8 @@ fn coincident_centres_are_one_message_that_names_them() {
     let bodies = [at(0.5, 0.3), at(1.5, 0.6), at(1.0, 0.9), at(1.5, 0.6)];
     for ranks in [1, 2] {
         let folder = folder(&scene(0.1, 0.01, WIDE_BOX, ROTATION), &csv(&bodies, true));
-        let ended = Job::on(ranks, folder.path(), &["scene.toml"]).run().with_code(3);
-        ended.only_error(&["demhybrid: error: the centres of particles 1 and 3 coincide at t = 0 s"]);
+        let ended = Job::on(ranks, folder.path(), &["scene.toml"]).run().with_code(2);
+        ended.only_error(&["particles 1 and 3 (rows 2 and 4 below the first line) have the same centre"]);
         // Nothing was computed, and no file stands in the way of the corrected scene.
         assert!(!folder.path().join("scene.vtkhdf").exists());
     }

@@ -18,6 +18,7 @@ fn run() -> TempDir {
 t_end = 1.0
 [particles]
 radius = 0.1
+mass = 1.0
 file = 'start.csv'
 [contact]
 repulsion_at_contact = 10.0

@@ -23,7 +23,7 @@ const STOPS: &[usize] = if cfg!(feature = "long-tests") { &[5, 75, 140] } else {
 const SCENE: &str = "
 t_end = 0.6
 gravity = [0.0, 0.0, -9.81]
-particles = { radius = 0.1, grid = { count = 200, bottom = 0.2, seed = 5 } }
+particles = { radius = 0.1, mass = 1, grid = { count = 200, bottom = 0.2, seed = 5 } }
 container.box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] }
 friction = { coefficient = 0.2, regularization_velocity = 0.01 }
 output.interval = 0.004

@@ -93,7 +93,7 @@ fn the_tables_have_the_keys_types_units_ranges_and_meanings_of_the_schema() {
 fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
     let text = "
         t_end = 8
-        particles = { radius = 0.1, grid = {} }
+        particles = { radius = 0.1, mass = 1, grid = {} }
         container = { box = {}, wall = [{}] }
         friction = { coefficient = 0.2, regularization_velocity = 0.01 }
         stop = { height_change = 1 }
@@ -119,6 +119,8 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
         ("solver.neglected_force", "from the tolerance"),
         ("solver.tolerance", "0.1, less for a small `friction.regularization_velocity`"),
         ("solver.velocity_scale", "from gravity and radius"),
+        ("stop.speed", "0.01 v, at least 5 v_min"),
+        ("stop.window", "r/v"),
     ]);
     assert_eq!(resolved["output"]["file"].as_str(), Some("bed.vtkhdf"));
     assert_eq!(resolved["output"]["interval"].as_float(), Some(8.0 / 100.0));

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 /// From the top down; `main` and `lib` are the files beside the folders and may use all of them.
 const ORDER: [&str; 12] = [
-    "cli", "studies", "beds", "files", "engine", "domain", "scene", "model", "ode", "math", "threads",
-    "error",
+    "cli", "studies", "beds", "files", "engine", "domain", "scene", "model", "ode", "error", "math",
+    "threads",
 ];
 
 /// Entries of src/ at most.

@@ -4,6 +4,7 @@ use std::fs;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use crate::domain::stdout::unless_reader_has_gone;
 use crate::error::Error;
 
 /// The file of frame `k` if there are several: `k` with four digits goes before the extension.
@@ -71,12 +72,12 @@ impl File {
         &mut self,
         content: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
     ) -> Result<(), Error> {
-        content(&mut self.out).map_err(|why| lost(&self.path, why))
+        unless_reader_has_gone(content(&mut self.out)).map_err(|why| lost(&self.path, why))
     }
 
     /// Writes buffered data and closes the file.
     pub fn finish(mut self) -> Result<(), Error> {
-        self.out.flush().map_err(|why| lost(&self.path, why))
+        unless_reader_has_gone(self.out.flush()).map_err(|why| lost(&self.path, why))
     }
 }
 

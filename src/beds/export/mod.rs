@@ -128,6 +128,11 @@ impl FrameData<'_> {
     }
 }
 
+/// Distance of the corners of a sphere's triangles from its centre, in radii; `subdivisions` as in [`Options`].
+pub fn reach_of_triangles(subdivisions: Option<u32>) -> f64 {
+    stl::reach(subdivisions.unwrap_or(SUBDIVISIONS))
+}
+
 /// Writes the `frames` of `run`; returns the files that were written.
 pub fn write(run: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<PathBuf>, Error> {
     let one_file = !options.numbered || options.to == Format::Xyz;

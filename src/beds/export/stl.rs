@@ -1,13 +1,16 @@
-//! Surfaces as binary STL. A sphere is an icosahedron with divided triangles, projected onto the sphere.
+//! Surfaces as binary STL. A sphere is an icosahedron with divided triangles, projected onto a sphere.
+//!
+//! That sphere is a little larger than the particle, so that the triangles enclose the volume of the particle.
 
 use std::collections::HashMap;
+use std::f64::consts::PI;
 use std::io::{self, Write};
 
 use super::FrameData;
 use crate::error::Error;
 use crate::math::vector::Vec3;
 
-/// Triangles of the unit sphere: the corners, and three indices for each triangle.
+/// Triangles around the origin: the corners, and three indices for each triangle.
 ///
 /// The corners of a triangle are counter-clockwise from outside.
 struct Mesh {
@@ -46,6 +49,21 @@ impl Mesh {
         mesh
     }
 
+    /// The same with the volume of the unit sphere.
+    fn of_equal_volume(subdivisions: u32) -> Self {
+        let mut mesh = Mesh::icosphere(subdivisions);
+        let reach = (4.0 / 3.0 * PI / mesh.volume()).cbrt();
+        mesh.corners.iter_mut().for_each(|corner| *corner *= reach);
+        mesh
+    }
+
+    /// Volume within the triangles: a sum of tetrahedra with one corner at the origin.
+    fn volume(&self) -> f64 {
+        let tetrahedron =
+            |&[i, j, k]: &[usize; 3]| self.corners[i].dot(&self.corners[j].cross(&self.corners[k])) / 6.0;
+        self.triangles.iter().map(tetrahedron).sum()
+    }
+
     fn divide(&mut self) {
         let mut middles: HashMap<[usize; 2], usize> = HashMap::new();
         let corners = &mut self.corners;
@@ -64,6 +82,11 @@ impl Mesh {
             })
             .collect();
     }
+}
+
+/// Distance of the corners of a sphere's triangles from its centre, in radii.
+pub fn reach(subdivisions: u32) -> f64 {
+    Mesh::of_equal_volume(subdivisions).corners[0].norm()
 }
 
 fn triangles(frame: &FrameData, subdivisions: u32) -> u64 {
@@ -86,7 +109,7 @@ pub fn check(frame: &FrameData, subdivisions: u32) -> Result<(), Error> {
 
 /// Writes the surfaces, in m. Overlapping spheres are not joined.
 pub fn write(frame: &FrameData, subdivisions: u32, out: &mut dyn Write) -> io::Result<()> {
-    let mesh = Mesh::icosphere(subdivisions);
+    let mesh = Mesh::of_equal_volume(subdivisions);
     let mut head = [b' '; 80];
     let text = b"demhybrid, binary STL, m";
     head[..text.len()].copy_from_slice(text);
@@ -111,7 +134,6 @@ pub fn write(frame: &FrameData, subdivisions: u32, out: &mut dyn Write) -> io::R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::f64::consts::PI;
 
     #[test]
     fn an_icosphere_is_closed_points_outwards_and_approaches_the_sphere() {
@@ -121,16 +143,17 @@ mod tests {
             // Euler's formula: V - E + F = 2 with E = 3/2 F.
             assert_eq!(mesh.corners.len(), 2 + mesh.triangles.len() / 2);
             let mut edges = std::collections::HashSet::new();
-            let mut volume = 0.0;
             for &[i, j, k] in &mesh.triangles {
                 for edge in [[i, j], [j, k], [k, i]] {
                     assert!(edges.insert(edge), "twice in one direction: {edge:?}");
                 }
-                volume += mesh.corners[i].dot(&mesh.corners[j].cross(&mesh.corners[k])) / 6.0;
             }
             assert!(edges.iter().all(|&[i, j]| edges.contains(&[j, i])));
-            let share = volume / (4.0 / 3.0 * PI);
+            let share = mesh.volume() / (4.0 / 3.0 * PI);
             assert!(share < 1.0 && share > 1.0 - missing, "{subdivisions}: {share}");
+            let equal = Mesh::of_equal_volume(subdivisions).volume() / (4.0 / 3.0 * PI);
+            assert!((equal - 1.0).abs() < 1e-14, "{subdivisions}: {equal}"); // round-off of a sum
+            assert!((reach(subdivisions).powi(3) * share - 1.0).abs() < 1e-14);
         }
     }
 }

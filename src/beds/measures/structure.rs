@@ -1,6 +1,7 @@
 //! Functions of a distance: radial distribution, and porosity over height and over distance to the walls.
 
 use super::union::{Region, Spheres, for_each_pair};
+use crate::math::digits::short;
 use crate::math::vector::Vec3;
 use crate::scene::Scene;
 use rayon::prelude::*;
@@ -137,11 +138,11 @@ pub fn over_wall_distance(
     for (axis, name) in ["x", "y"].into_iter().enumerate() {
         if sides.min[axis] == low[axis] {
             let at: Vec<f64> = distances.iter().map(|d| low[axis] + d).collect();
-            walls.push((format!("{name} = {} m", low[axis]), porosities(spheres, region, axis, &at)));
+            walls.push((format!("{name} = {} m", short(low[axis])), porosities(spheres, region, axis, &at)));
         }
         if sides.max[axis] == high[axis] {
             let at: Vec<f64> = distances.iter().map(|d| high[axis] - d).collect();
-            walls.push((format!("{name} = {} m", high[axis]), porosities(spheres, region, axis, &at)));
+            walls.push((format!("{name} = {} m", short(high[axis])), porosities(spheres, region, axis, &at)));
         }
     }
     (distances, walls)
@@ -206,7 +207,7 @@ mod tests {
     #[test]
     fn profiles_of_a_cubic_lattice_are_those_of_its_circles() {
         let text = "t_end = 8
-             particles = { radius = 0.05, file = 'start.csv' }
+             particles = { radius = 0.05, mass = 1, file = 'start.csv' }
              container.box = { min = [0, 0, 0], max = [1, 1, inf] }
              [contact]
              repulsion_at_contact = 10

@@ -7,7 +7,7 @@ pub fn scene(more: &str) -> Scene {
     let text = format!(
         "t_end = 8
          {more}
-         particles = {{ radius = 0.1, file = 'start.csv' }}
+         particles = {{ radius = 0.1, mass = 1, file = 'start.csv' }}
               contact = {{ repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4, \
               dissipation_focusing = 10,
                       interaction_distance = 0.1 }}"

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{box_of_centres, short};
+use super::box_of_centres;
 use crate::beds::measures::contacts::{Contacts, WallForce};
 use crate::beds::measures::rattlers::{coordination, fewest_that_hold};
 use crate::beds::measures::row::{Row, centres};
@@ -11,6 +11,7 @@ use crate::beds::measures::union::{Region, Spheres};
 use crate::error::Error;
 use crate::files::names::Series;
 use crate::files::run_file::{RunFile, State};
+use crate::math::digits::short;
 
 /// A quantity of the run over time.
 #[derive(Debug, Clone)]
@@ -174,10 +175,10 @@ impl Measured {
             (
                 "overlap",
                 format!(
-                    "mean {} m, largest {} m ({:.4} radii)",
+                    "mean {} m, largest {} m ({} radii)",
                     short(row.mean_overlap),
                     short(row.largest_overlap),
-                    row.largest_overlap / self.radius
+                    short(row.largest_overlap / self.radius)
                 ),
             ),
         ]);

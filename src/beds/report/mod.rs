@@ -13,7 +13,6 @@ use crate::beds::measures::structure;
 use crate::beds::measures::union::Region;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
-use crate::math::digits::significant;
 use crate::math::vector::Vec3;
 pub use measured::Measured;
 
@@ -29,11 +28,6 @@ pub fn write(
     let figures = figures::draw(folder, run, measured)?;
     page::write(folder, run_file, measured, last, &figures)?;
     Ok(tables.len() + figures.len() + 1)
-}
-
-/// The number with six digits.
-fn short(value: f64) -> String {
-    significant(value, 6)
 }
 
 /// The box in which the radial distribution is measured. It holds all positions that centres can have.

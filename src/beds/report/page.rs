@@ -3,13 +3,15 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use super::centres;
 use super::figures::Figure;
 use super::measured::Measured;
 use super::picture::picture;
-use super::{centres, short};
 use crate::beds::folder::cannot_write;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
+use crate::math::digits::short;
+use crate::scene::caveats::caveats;
 
 const STYLE: &str = "\
 body{font:15px/1.5 system-ui,sans-serif;color:#222;margin:0 auto;padding:1rem 1.5rem;max-width:1240px}
@@ -51,7 +53,11 @@ pub fn write(
     }
     let found = measured.findings();
     page.push_str(&table(found.iter().map(|(name, value)| (name.to_string(), value.clone()))));
-    page.push_str("</div>\n<h2>Figures</h2>\n<div class=\"figures\">\n");
+    page.push_str("</div>\n<h2>What the model does</h2>\n<ul>\n");
+    for caveat in caveats(&run_file.scene) {
+        let _ = writeln!(page, "<li>{}</li>", escaped(&caveat));
+    }
+    page.push_str("</ul>\n<h2>Figures</h2>\n<div class=\"figures\">\n");
     for figure in figures {
         let path = folder.join(&figure.file);
         let svg = std::fs::read_to_string(&path).map_err(|why| cannot_write(&path, why))?;

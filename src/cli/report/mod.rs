@@ -4,10 +4,11 @@ use crate::domain::{Comm, halo::Extent, launch, rows, slabs::Slabs};
 use crate::engine::dynamics::SKIN;
 use crate::engine::load::{START_BYTES, bytes_per_particle};
 use crate::engine::simulation::{Counts, Frame, FrameSummary, Outcome, cutoff, tightening, tolerance};
-use crate::math::digits::{bytes as size, short};
+use crate::math::digits::{bytes as size, rough, short};
 use crate::model::effects::Effects;
 use crate::ode::{Limit, NormName};
 use crate::scene::initial_condition::{self, InitialCondition};
+use crate::scene::stop::Rest;
 use crate::scene::{DEFAULT_TOLERANCE, Scene};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::cell::OnceCell;
@@ -16,12 +17,14 @@ use std::io::IsTerminal;
 use std::path::Path;
 use std::time::Instant;
 
+mod forewarnings;
 mod monitor;
 mod size_of_run;
 mod warnings;
+pub use forewarnings::forewarnings;
 pub use monitor::Monitor;
 pub use size_of_run::{checkpoint_bytes, frames, output_bytes};
-pub use warnings::{doubts, forewarnings, overlap_warning};
+pub use warnings::doubts;
 
 /// Describes what bounds the steps. `tolerance` is what the run takes.
 fn step_control(scene: &Scene, tolerance: f64) -> String {
@@ -56,7 +59,10 @@ fn step_control(scene: &Scene, tolerance: f64) -> String {
 fn contacts(scene: &Scene, cutoff: f64) -> String {
     let contact = &scene.contact;
     if cutoff >= contact.interaction_distance {
-        return format!("evaluated up to the interaction distance of {} m", contact.interaction_distance);
+        return format!(
+            "evaluated up to the interaction distance of {} m",
+            short(contact.interaction_distance)
+        );
     }
     let force = contact.repulsion_at_contact * (-contact.stiffness_exponent * cutoff).exp();
     let why = if scene.solver.neglected_force.is_some() {
@@ -65,10 +71,10 @@ fn contacts(scene: &Scene, cutoff: f64) -> String {
         "unseen at this tolerance"
     };
     format!(
-        "the stabilised method evaluates gaps up to {cutoff:.4} m of {} m: forces below {} N are left out, \
-         {why}",
-        contact.interaction_distance,
-        three_digits(force)
+        "the stabilised method evaluates gaps up to {} m of {} m: forces below {} N are left out, {why}",
+        rough(cutoff),
+        short(contact.interaction_distance),
+        rough(force)
     )
 }
 
@@ -85,9 +91,20 @@ fn checkpoints(scene: &Scene, count: u64) -> String {
     format!("{}, two files, {} at most", when.join(" and "), size(checkpoint_bytes(scene, count)))
 }
 
-/// A positive number with three digits.
-fn three_digits(number: f64) -> String {
-    if (0.1..100.0).contains(&number) { format!("{number:.3}") } else { format!("{number:.2e}") }
+/// Describes when the particles count as at rest.
+fn at_rest(rest: Rest) -> String {
+    let criteria = [
+        rest.kinetic_energy.map(|most| format!("mean kinetic energy at most {} J", short(most))),
+        rest.unbalanced_force.map(|most| format!("unbalanced force at most {}", short(most))),
+        rest.height_change.map(|most| format!("change of height at most {} m", short(most))),
+    ];
+    let any = criteria.into_iter().flatten().collect::<Vec<_>>().join(" or ");
+    let and = if rest.is_speed_alone() { "" } else { ", and " };
+    format!(
+        "ends the run: {any}{and}no particle faster than {} m/s, for {} s",
+        short(rest.speed),
+        short(rest.window)
+    )
 }
 
 /// Describes the method and the step control of the scene with these particles.
@@ -96,10 +113,9 @@ fn solver(scene: &Scene, start: &InitialCondition) -> String {
     let scale = match (solver.step, solver.norm) {
         (Some(_), _) => String::new(),
         (None, NormName::Paper) => " (m/s, m/s^2 and rad/s^2 alike)".to_owned(),
-        (None, _) => format!(
-            " (velocities over {} m/s)",
-            three_digits(initial_condition::velocity_scale(scene, start))
-        ),
+        (None, _) => {
+            format!(" (velocities over {} m/s)", rough(initial_condition::velocity_scale(scene, start)))
+        }
     };
     let tolerance = tolerance(scene, initial_condition::velocity_scale(scene, start), start.x.len() as u64);
     format!("{}, {}{scale}", solver.method, step_control(scene, tolerance))
@@ -145,10 +161,12 @@ pub fn plan(
         line(if k == 0 { "effects" } else { "" }, effect);
     }
     let walls = crate::scene::walls::walls(&scene.container).len();
-    line("particles", format!("{count} of radius {r} m and mass {} kg, {walls} walls", scene.particles.mass));
-    line("time", format!("to t = {} s, {} frames", scene.t_end, frames(scene)));
+    let (radius, mass) = (short(r), short(scene.particles.mass));
+    line("particles", format!("{count} of radius {radius} m and mass {mass} kg, {walls} walls"));
+    line("time", format!("to t = {} s, {} frames", short(scene.t_end), frames(scene)));
     line("solver", solver(scene, start));
     line("contacts", contacts(scene, cutoff(scene, scale)));
+    line("rest", Rest::of(scene, scale).map_or_else(|| "not looked for: no [stop]".to_owned(), at_rest));
     let per_particle = bytes_per_particle(scene);
     let start_bytes = START_BYTES * count * comm.size() as u64;
     line(
@@ -160,12 +178,14 @@ pub fn plan(
     );
     line("output", format!("about {}, {output}", size(output_bytes(scene, count))));
     line("checkpoints", checkpoints(scene, count));
-    line("ranks", format!("{} with {threads} threads each; ghosts within {ghosts_within:.4} m", comm.size()));
+    let ghosts_within = rough(ghosts_within);
+    line("ranks", format!("{} with {threads} threads each; ghosts within {ghosts_within} m", comm.size()));
     for (rank, n) in owned.iter().enumerate() {
         let (low, high) = slabs.of(rank);
+        let (low, high) = (short(low), short(high));
         line(
             if rank == 0 { "slabs" } else { "" },
-            format!("rank {rank}: {low:.4} m <= {} < {high:.4} m, {n} particles", ["x", "y", "z"][axis]),
+            format!("rank {rank}: {low} m <= {} < {high} m, {n} particles", ["x", "y", "z"][axis]),
         );
     }
     text
@@ -209,16 +229,20 @@ impl Progress {
         let elapsed = self.started.elapsed().as_secs_f64();
         let rate = (frame.time - self.first.get_or_init(|| frame.time)) / elapsed.max(1e-9);
         let text = format!(
-            "t = {:.4} s of {} s, {rate:.2e} s a second, step {:.2e} s, {accepted} steps, {rhs} right-hand \
-             sides, kinetic energy {:.3e} J",
-            frame.time, self.t_end, frame.step, frame.kinetic_energy
+            "t = {} s of {} s, {} s a second, step {} s, {accepted} steps, {rhs} right-hand sides, kinetic \
+             energy {} J",
+            short(frame.time),
+            short(self.t_end),
+            rough(rate),
+            rough(frame.step),
+            rough(frame.kinetic_energy)
         );
         let more = || {
             let Counts { rejected, outrun, forced, rebuilds, .. } = frame.counts;
             format!(
-                ", {rejected} rejected, {outrun} outrun, {forced} forced, {rebuilds} lists, overlap {:.2e} \
-                 m, {:.1} s",
-                frame.largest_overlap,
+                ", {rejected} rejected, {outrun} outrun, {forced} forced, {rebuilds} lists, overlap {} m, \
+                 {:.1} s",
+                rough(frame.largest_overlap),
                 self.started.elapsed().as_secs_f64()
             )
         };
@@ -276,7 +300,7 @@ pub fn summary(
         name.display(),
         course.count,
         Effects::of(scene).variant.name(),
-        outcome.time
+        short(outcome.time)
     );
     let mut line = |head: &str, rest: String| {
         // Writing to a string cannot fail.
@@ -287,8 +311,9 @@ pub fn summary(
         format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"),
     );
     line("step sizes", step_sizes(&limits));
-    if let Some(by) = outcome.at_rest_by {
-        line("at rest", format!("by {by} for {} s", scene.stop.as_ref().map_or(0.0, |stop| stop.window)));
+    if let (Some(by), Some(rest)) = (outcome.at_rest_by, outcome.rest) {
+        let [window, speed] = [rest.window, rest.speed].map(short);
+        line("at rest", format!("by {by} for {window} s, no particle faster than {speed} m/s"));
     }
     line("method", format!("{}; {}", outcome.choice, step_control(scene, outcome.tolerance)));
     line("contacts", contacts(scene, outcome.cutoff));
@@ -300,27 +325,27 @@ pub fn summary(
     line("lists built", format!("{rebuilds}"));
     line(
         "energy",
-        format!("kinetic {:.6e} J, potential {:.6e} J", course.kinetic_energy, course.potential_energy),
+        format!("kinetic {} J, potential {} J", short(course.kinetic_energy), short(course.potential_energy)),
     );
     if scene.output.energy {
-        let [rebound, friction] = course.dissipated;
-        line("dissipated", format!("by rebound {rebound:.6e} J, by friction {friction:.6e} J"));
+        let [rebound, friction] = course.dissipated.map(short);
+        line("dissipated", format!("by rebound {rebound} J, by friction {friction} J"));
         line(
             "energy balance",
             format!(
-                "end + dissipated - start = {:.3e} J; largest kinetic energy {:.3e} J",
-                course.residual(),
-                course.largest_kinetic_energy
+                "end + dissipated - start = {} J; largest kinetic energy {} J",
+                rough(course.residual()),
+                rough(course.largest_kinetic_energy)
             ),
         );
     }
-    line("bed height", format!("{:.6} m", course.bed_height));
+    line("bed height", format!("{} m", short(course.bed_height)));
     line(
         "largest overlap",
         format!(
-            "{:.3e} m ({:.1} % of the radius) at a frame",
-            outcome.largest_overlap,
-            100.0 * outcome.largest_overlap / r
+            "{} m ({} % of the radius) at a frame",
+            rough(outcome.largest_overlap),
+            rough(100.0 * outcome.largest_overlap / r)
         ),
     );
     line(
@@ -407,12 +432,12 @@ mod tests {
         let auto = scene_with_solver("");
         assert_eq!(
             solver(&auto, &start),
-            "auto, tolerance 0.1 in the scaled norm (velocities over 0.990 m/s)"
+            "auto, tolerance 0.1 in the scaled norm (velocities over 0.99 m/s)"
         );
         let slow = scene_with_solver("velocity_scale = 0.00125\ntolerance = 1e-7");
         assert_eq!(
             solver(&slow, &start),
-            "auto, tolerance 1e-7 in the scaled norm (velocities over 1.25e-3 m/s)"
+            "auto, tolerance 1e-7 in the scaled norm (velocities over 0.00125 m/s)"
         );
         let smooth = Scene { friction: None, ..auto };
         assert!(solver(&smooth, &start).contains("norm, 0.001 in effect as the motion is smooth"));

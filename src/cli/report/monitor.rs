@@ -2,12 +2,13 @@
 
 use crate::domain::Comm;
 use crate::engine::simulation::Frame;
+use crate::math::digits::rough;
 use crate::math::vector::Vec3;
 use crate::model::columns::{position, velocity};
 use crate::model::wall::Wall;
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
-use crate::scene::walls::walls;
+use crate::scene::walls::described_walls;
 use std::cmp::Ordering;
 
 /// A direction in which particles can leave the container.
@@ -23,13 +24,16 @@ struct Exit {
 #[derive(Debug, Clone)]
 pub struct Monitor {
     walls: Vec<Wall>,
+    /// Names of the walls.
+    names: Vec<String>,
     exits: Vec<Exit>,
     /// Radius of the particles, m.
     r: f64,
     /// Interaction distance, m.
     l_max: f64,
-    /// Largest distance of a centre beyond a wall so far, m, and the id of the particle. Negative: inside.
-    furthest: (f64, u64),
+    /// Largest distance of a centre beyond a wall so far, m, the id of the particle and the index of the wall.
+    /// Negative: inside.
+    furthest: (f64, u64, usize),
     /// Ids of the particles that had left the container in the last frame.
     left: Vec<u64>,
 }
@@ -38,15 +42,20 @@ impl Monitor {
     /// A monitor for a scene with the particles `start`.
     ///
     /// Particles can leave along an axis that no wall blocks and along which gravity does not pull them back.
-    /// If there is no wall at all, there is no container to leave.
+    /// If there is no wall at all, there is no container to leave. Where gravity pulls towards a wall, such as a
+    /// floor, everything comes back to it: what rolls away over an open floor, or rides on others, is still
+    /// there.
     pub fn new(scene: &Scene, start: &InitialCondition) -> Self {
-        let walls = walls(&scene.container);
+        let (walls, names): (Vec<Wall>, Vec<String>) = described_walls(&scene.container).into_iter().unzip();
         let gravity = Vec3::from(scene.gravity);
+        // What only rounding makes different from 0 pulls nowhere.
+        let pulls_to = |wall: &Wall| wall.normal.dot(&gravity) > 1e-12 * gravity.norm();
+        let open = !walls.is_empty() && !walls.iter().any(pulls_to);
         let axes = [Vec3::x(), Vec3::y(), Vec3::z()];
         let exits = axes
             .into_iter()
             .flat_map(|axis| [axis, -axis])
-            .filter(|u| !walls.is_empty() && gravity.dot(u) >= 0.0)
+            .filter(|u| open && gravity.dot(u) >= 0.0)
             .filter(|u| walls.iter().all(|wall| wall.normal.dot(u) <= 1e-12))
             .map(|along| {
                 let places = start.x.iter().map(|x| along.dot(&Vec3::from(*x)));
@@ -54,21 +63,22 @@ impl Monitor {
             })
             .collect();
         let (r, l_max) = (scene.particles.radius, scene.contact.interaction_distance);
-        Monitor { walls, exits, r, l_max, furthest: (f64::NEG_INFINITY, 0), left: Vec::new() }
+        Monitor { walls, names, exits, r, l_max, furthest: (f64::NEG_INFINITY, 0, 0), left: Vec::new() }
     }
 
     /// Checks the particles of a frame.
     pub fn follow(&mut self, frame: &Frame) {
         let looks = frame.rows.map(|row| {
             let (x, v) = (position(row), velocity(row));
-            let depth = self.walls.iter().map(|wall| wall.depth(&x)).fold(f64::INFINITY, f64::min);
-            (depth, self.has_left(&x, &v, depth))
+            let depths = self.walls.iter().enumerate().map(|(wall, plane)| (plane.depth(&x), wall));
+            let nearest = depths.fold((f64::INFINITY, 0), |a, b| if b.0 < a.0 { b } else { a });
+            (nearest, self.has_left(&x, &v, nearest.0))
         });
         let ids = || (frame.first..).zip(&looks);
         self.left = ids().filter(|(_, (_, left))| *left).map(|(id, _)| id).collect();
-        for (id, (depth, _)) in ids() {
+        for (id, ((depth, wall), _)) in ids() {
             if -depth > self.furthest.0 {
-                self.furthest = (-depth, id);
+                self.furthest = (-depth, id, *wall);
             }
         }
     }
@@ -93,20 +103,27 @@ impl Monitor {
         let first = self.left.first().copied();
         let mut lowest = [own(is_mine, self.furthest.1), own(first.is_some(), first.unwrap_or(0))];
         comm.max(&mut lowest);
+        // The rank of that particle knows the wall.
+        let is_its_rank = is_mine && -(self.furthest.1 as f64) == lowest[0];
+        let mut wall = [own(is_its_rank, self.furthest.2 as u64)];
+        comm.max(&mut wall);
         let mut count = [self.left.len() as u64];
         comm.sum(&mut count);
         let mut warnings = Vec::new();
         if furthest[0] > 0.0 {
             warnings.push(format!(
-                "warning: the centre of particle {} was {:.3e} m beyond a wall at a frame: contacts are too \
-                 soft for this motion; a larger contact.stiffness_exponent makes them harder",
-                -lowest[0], furthest[0]
+                "warning: the centre of particle {} was {} m beyond {} at a frame: contacts are too soft for \
+                 this motion; a larger contact.stiffness_exponent makes them harder",
+                -lowest[0],
+                rough(furthest[0]),
+                self.names[-wall[0] as usize]
             ));
         }
         if count[0] > 0 {
             warnings.push(format!(
                 "warning: {} particles left the open container, the first of them particle {}: they move on \
-                 where no wall stands and gravity does not bring them back",
+                 where no wall stands and gravity does not bring them back; a side of container.box or a \
+                 container.wall there would hold them",
                 count[0], -lowest[1]
             ));
         }
@@ -121,7 +138,7 @@ mod tests {
 
     fn monitor(container: &str, gravity: &str) -> Monitor {
         let text = "t_end = 1
-            particles = { radius = 0.1, file = 'a.csv' }
+            particles = { radius = 0.1, mass = 1, file = 'a.csv' }
             contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
                         dissipation_focusing = 10, interaction_distance = 0.1 }";
         let sets = [format!("container.box={container}"), format!("gravity={gravity}")];
@@ -145,8 +162,8 @@ mod tests {
         assert_eq!(exits(chimney, "[0, 0, -9.81]"), 0);
         assert_eq!(exits(chimney, "[0, 0, 0]"), 1);
         assert_eq!(exits("{ min = [0, 0, -inf], max = [1, 1, inf] }", "[0, 0, -9.81]"), 1);
-        // A floor without sides.
-        assert_eq!(exits("{ min = [-inf, -inf, 0], max = [inf, inf, inf] }", "[0, 0, -9.81]"), 4);
+        // A floor without sides: everything comes back to the floor.
+        assert_eq!(exits("{ min = [-inf, -inf, 0], max = [inf, inf, inf] }", "[0, 0, -9.81]"), 0);
         let none = "{ min = [-inf, -inf, -inf], max = [inf, inf, inf] }";
         assert_eq!(exits(none, "[0, 0, -9.81]"), 0);
     }
@@ -166,11 +183,11 @@ mod tests {
         let chimney = monitor("{ min = [0, 0, 0], max = [1, 1, inf] }", "[0, 0, 0]");
         team(3, |comm| {
             let mut own = chimney.clone();
-            own.furthest = [(-0.5, 3), (0.02, 17), (0.01, 21)][comm.rank()];
+            own.furthest = [(-0.5, 3, 0), (0.02, 17, 4), (0.01, 21, 1)][comm.rank()];
             own.left = [vec![], vec![12, 13], vec![20]][comm.rank()].clone();
             let warnings = own.warnings(comm);
             assert_eq!(warnings.len(), 2, "{warnings:?}");
-            assert!(warnings[0].contains("particle 17 was 2.000e-2 m beyond a wall"), "{warnings:?}");
+            assert!(warnings[0].contains("particle 17 was 0.02 m beyond the side z = 0 m"), "{warnings:?}");
             assert!(
                 warnings[1].contains("3 particles left the open container, the first of them particle 12")
             );

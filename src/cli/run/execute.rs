@@ -3,13 +3,13 @@
 use super::Ground;
 use crate::cli::report::{self, Monitor, Progress};
 use crate::cli::run::interrupts::Interrupts;
-use crate::domain::agreement::{agree, share};
-use crate::domain::{Comm, launch, rows};
+use crate::domain::agreement::{agree, share, write_on_rank_0};
+use crate::domain::{Comm, launch, rows, stdout};
 use crate::engine::dynamics::Clocks;
 use crate::engine::simulation::{Frame, FrameSummary, Observer, Outcome, Simulation, Snapshot};
 use crate::error::Error;
 use crate::files::checkpoint::{self, Header};
-use crate::files::output::{self, Contents, Measures, Output, Rows, RunInfo, Seconds};
+use crate::files::output::{self, Claim, Contents, Measures, Output, Rows, RunInfo, Seconds};
 use crate::model::columns::Column;
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
@@ -34,8 +34,8 @@ pub(super) struct Execution<'a> {
     pub name: &'a Path,
     /// The output file as the user named it.
     pub file: &'a Path,
-    /// Absolute path of the output file.
-    pub path: &'a Path,
+    /// The output file, which nobody else writes.
+    pub claim: &'a Claim,
     pub scene: &'a Scene,
     /// All particles at t = 0.
     pub start: &'a InitialCondition,
@@ -125,18 +125,19 @@ impl Execution<'_> {
 
     /// Opens the output file, new or with its first `frames` frames. Collective.
     fn output<'c>(
-        &self,
+        &'c self,
         comm: &'c dyn Comm,
         info: &RunInfo,
         contents: &Contents,
         frames: u64,
     ) -> Result<Output<'c>, Error> {
-        let path = self.path;
+        let path = self.claim.path();
         if let Beginning::Start = self.beginning {
             let block = rows::block(contents.count, comm.rank(), comm.size());
             let numbers = |column: &Column| self.start.numbers(column, block.clone());
             let created = Output::create(comm, path, info, contents, block.clone(), &numbers)?
-                .with_sync(self.scene.output.sync);
+                .with_sync(self.scene.output.sync)
+                .with_claim(self.claim);
             if comm.rank() == 0 {
                 checkpoint::clear(path);
             }
@@ -149,7 +150,7 @@ impl Execution<'_> {
             output::prepare(path, frames, info).map(|()| String::new()).map_err(unusable)
         })?;
         let opened = Output::open(comm, path, info.energy, contents, frames)?;
-        Ok(opened.with_sync(self.scene.output.sync))
+        Ok(opened.with_sync(self.scene.output.sync).with_claim(self.claim))
     }
 }
 
@@ -160,7 +161,7 @@ impl Execution<'_> {
         let scene = self.scene;
         let interrupts = agree(
             comm,
-            Interrupts::listen(scene, self.path, comm.rank(), started)
+            Interrupts::listen(scene, self.claim.path(), comm.rank(), started)
                 .map_err(|why| Error::Input(format!("signals cannot be listened to: {why}"))),
         )?;
         let request = || interrupts.request();
@@ -175,9 +176,8 @@ impl Execution<'_> {
         let mut recorder = Recorder {
             comm,
             output,
-            scene,
             info: &info,
-            path: self.path,
+            path: self.claim.path(),
             interrupts: &interrupts,
             progress: Progress::new(comm.rank(), scene.t_end, args.quiet, args.verbose),
             measures: None,
@@ -210,26 +210,38 @@ impl Execution<'_> {
             (None, None) => {}
         }
         let written = format!("{}: {written} frames, {transfer}", self.file.display());
-        self.tell(&outcome, &course, &monitor, &written);
+        let told = self.tell(&outcome, &course, &monitor, &written);
         match outcome.stopped {
             Some(request) => {
+                if let (0, Err(why)) = (comm.rank(), told) {
+                    launch::say(&format!("demhybrid: error: {why}"));
+                }
                 Err(Error::Stopped { request, t: outcome.time, file: self.file.display().to_string() })
             }
-            None => Ok(()),
+            None => told,
         }
     }
 }
 
 impl Execution<'_> {
     /// Prints the closing summary and the warnings of doubtful results. Collective.
-    fn tell(&self, outcome: &Outcome, course: &FrameSummary, monitor: &Monitor, written: &str) {
+    fn tell(
+        &self,
+        outcome: &Outcome,
+        course: &FrameSummary,
+        monitor: &Monitor,
+        written: &str,
+    ) -> Result<(), Error> {
         let Ground { comm, threads, .. } = *self.ground;
         let text = report::summary(comm, self.name, self.scene, outcome, course, threads, written);
         let doubts = report::doubts(comm, self.scene, self.start, outcome, course, monitor);
+        let state = if outcome.stopped.is_some() { "stopped and saved" } else { "complete" };
+        let kept = format!("; the run is {state} all the same, in {}", self.file.display());
+        let printed = write_on_rank_0(comm, || stdout::deliver(&text, &kept));
         if comm.rank() == 0 {
-            launch::print(&text);
             doubts.iter().for_each(|doubt| launch::say(doubt));
         }
+        printed
     }
 }
 
@@ -237,7 +249,6 @@ impl Execution<'_> {
 struct Recorder<'a> {
     comm: &'a dyn Comm,
     output: Output<'a>,
-    scene: &'a Scene,
     info: &'a RunInfo,
     path: &'a Path,
     interrupts: &'a Interrupts,
@@ -295,10 +306,6 @@ impl Observer for Recorder<'_> {
             wall_seconds: self.wall_seconds(),
             seconds: seconds(&frame.clocks, frame.output_seconds),
         };
-        let overlap = report::overlap_warning(self.scene, frame.largest_overlap);
-        if let (0, true, Some(warning)) = (self.next, frame.first == 0 && !frame.rows.is_empty(), overlap) {
-            launch::say(&warning);
-        }
         if self.next >= self.kept {
             self.output.append(&rows, &measures)?;
             self.written += 1;

@@ -3,7 +3,7 @@
 use crate::error::StopRequest;
 use crate::files::checkpoint;
 use crate::scene::Scene;
-use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 use std::cell::Cell;
@@ -14,8 +14,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Signals that stop a run. People and batch systems send them.
-const SIGNALS: [i32; 3] = [SIGTERM, SIGINT, SIGUSR1];
+/// Signals that stop a run. People and batch systems send them, and SIGHUP a terminal that is closed.
+const SIGNALS: [i32; 4] = [SIGTERM, SIGINT, SIGUSR1, SIGHUP];
 /// Another signal ends the process if it comes at least this long after the first one.
 const IMPATIENCE: Duration = Duration::from_secs(1);
 /// Time between two looks for the stop file. A look may take long on a shared file system.
@@ -47,7 +47,8 @@ impl Interrupts {
     /// From now on the first signal does not end the process. A signal at least one second later does.
     pub fn listen(scene: &Scene, output: &Path, rank: usize, started: Instant) -> io::Result<Self> {
         let signal = Arc::new(AtomicUsize::new(0));
-        let (mut signals, heard) = (Signals::new(SIGNALS)?, Arc::clone(&signal));
+        let heeded = SIGNALS.into_iter().filter(|&number| number != SIGHUP || !is_ignored(number));
+        let (mut signals, heard) = (Signals::new(heeded)?, Arc::clone(&signal));
         // One stop request may come as several signals at once, from the batch system and from mpirun.
         thread::Builder::new().name("signals".into()).spawn(move || {
             let mut first = None;
@@ -120,6 +121,16 @@ impl Interrupts {
             let _ = std::fs::remove_file(&self.stop_file);
         }
     }
+}
+
+/// Whether the process was started with this signal ignored, as nohup does with SIGHUP. Then it stays so.
+///
+/// Only Linux tells. Elsewhere such a signal keeps the meaning that it has.
+fn is_ignored(number: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_none_or(|mask| mask >> (number - 1) & 1 == 1)
 }
 
 #[cfg(test)]

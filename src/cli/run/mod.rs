@@ -2,12 +2,13 @@
 
 use crate::cli::report;
 use crate::domain::Comm;
-use crate::domain::agreement::{agree, share};
+use crate::domain::agreement::{agree, share, write_on_rank_0};
 use crate::domain::launch::{self, Threads};
+use crate::domain::stdout;
 use crate::engine::dynamics::common_instructions;
 use crate::engine::load::load;
 use crate::error::Error;
-use crate::files::output::Output;
+use crate::files::output::{Claim, Output};
 use crate::math::instructions::InstructionSet;
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
@@ -72,7 +73,7 @@ pub fn run(args: &Args, comm: &dyn Comm) -> Result<(), Error> {
     launch::check_launcher(comm.size())?;
     let Threads { count: threads, have_cores, warning } =
         agree(comm, launch::start_threads(comm, args.threads))?;
-    let set = agree(comm, InstructionSet::chosen())?;
+    let set = agree(comm, InstructionSet::chosen().map_err(Error::Input))?;
     let [set, widest] = common_instructions(comm, set);
     let mixed = launch::mixed_machines_warning(set, widest);
     let ground = Ground { args, comm, threads, set, started };
@@ -110,23 +111,22 @@ fn begin(ground: &Ground, path: &Path, tell: &dyn Fn(&[String])) -> Result<(), E
     share(comm, || spare_the_input(path, &scene, &file))?;
     let count = start.x.len() as u64;
     let room = report::output_bytes(&scene, count).saturating_add(report::checkpoint_bytes(&scene, count));
-    let target = Output::check_path(comm, &file, args.force, room);
-    tell(&if comm.rank() == 0 { report::forewarnings(&scene, &start) } else { Vec::new() });
+    let warnings = || if comm.rank() == 0 { report::forewarnings(&scene, &start) } else { Vec::new() };
     if args.dry_run {
+        let target = Output::check_path(comm, &file, args.force, room);
+        tell(&warnings());
         let output = match &target {
             Ok(_) => file.display().to_string(),
             Err(why) => format!("would be refused: {why}"),
         };
         let plan = report::plan(comm, path, &scene, &start, threads, &output);
-        if comm.rank() == 0 {
-            launch::print(&plan);
-        }
-        return Ok(());
+        return write_on_rank_0(comm, || stdout::print(&plan, ""));
     }
-    let target = target?;
+    let claim = Claim::stake(comm, &file, args.force, room);
+    tell(&warnings());
+    let claim = &claim?;
     let beginning = Beginning::Start;
-    Execution { ground, name: path, file: &file, path: &target, scene: &scene, start: &start, beginning }
-        .run()
+    Execution { ground, name: path, file: &file, claim, scene: &scene, start: &start, beginning }.run()
 }
 
 /// Reads the scene `path` and its particles, and puts in the output file of the command line. Collective.

@@ -8,10 +8,13 @@ use crate::domain::{Comm, launch};
 use crate::engine::load::{check_memory, share_start};
 use crate::error::Error;
 use crate::files::checkpoint::{self, Header};
-use crate::files::output::{self, Found, Output};
+use crate::files::output::{self, Claim, Found};
+use crate::math::digits::short;
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
 use serde::{Deserialize, Serialize};
+use std::fs;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// What to do with the file. Rank 0 decides.
@@ -42,10 +45,11 @@ struct Slot {
 pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     let Ground { args, comm, .. } = *ground;
     let unusable = |why: String| Error::Input(format!("--resume {}: {why}", file.display()));
-    let path = Output::check_path(comm, file, true, 0)?;
+    let claim = Claim::stake(comm, file, true, 0)?;
+    let path = claim.path();
     let mut warnings = Vec::new();
     let plan = share(comm, || {
-        let plan = plan(&path, &args.set, &mut warnings).map_err(unusable)?;
+        let plan = plan(path, &args.set, &mut warnings).map_err(unusable)?;
         Ok(serde_json::to_string(&plan).expect("a plan holds texts and finite numbers"))
     })?;
     let tell = |text: &str| {
@@ -55,21 +59,21 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
     };
     warnings.iter().for_each(|warning| tell(warning));
     let execute = |scene: &Scene, start: &InitialCondition, beginning: Beginning| {
-        let path = &path;
-        Execution { ground, name: file, file, path, scene, start, beginning }.run()
+        Execution { ground, name: file, file, claim: &claim, scene, start, beginning }.run()
     };
     match serde_json::from_str(&plan).expect("rank 0 made it") {
         Plan::Nothing { t } => {
             tell(&format!(
-                "demhybrid: the run in {} is complete, to t = {t} s: nothing to do. --set t_end=LARGER would \
+                "demhybrid: the run in {} is complete, to t = {} s: nothing to do. --set t_end=LARGER would \
                  go on",
-                file.display()
+                file.display(),
+                short(t)
             ));
             Ok(())
         }
         Plan::Again { scene, frames, count } => {
             let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
-            let start = start_of(comm, &scene, &path, frames, count)?;
+            let start = start_of(comm, &scene, path, frames, count)?;
             tell(&format!(
                 "demhybrid: there is no checkpoint of {} yet: the run begins again at t = 0 s; the {frames} \
                  frames that it holds stay",
@@ -82,12 +86,12 @@ pub(super) fn run(ground: &Ground, file: &Path) -> Result<(), Error> {
             let scene = scene_of(file, &scene, &args.set).map_err(unusable)?;
             let slot = first_sound(comm, &slots, &tell).map_err(unusable)?;
             // The warnings at the end of the run need the initial condition, which is the first frame.
-            let start = start_of(comm, &scene, &path, 1, slot.count)?;
-            Output::check_path(comm, file, true, report::output_bytes(&scene, slot.count))?;
+            let start = start_of(comm, &scene, path, 1, slot.count)?;
+            claim.check_room(comm, file, report::output_bytes(&scene, slot.count))?;
             tell(&format!(
                 "demhybrid: {} goes on from t = {} s, after {} steps (checkpoint {})",
                 file.display(),
-                slot.t,
+                short(slot.t),
                 slot.steps,
                 slot.path.display()
             ));
@@ -119,6 +123,13 @@ fn plan(path: &Path, sets: &[String], warnings: &mut Vec<String>) -> Result<Plan
         .into_iter()
         .filter_map(|slot| Some((checkpoint::look(&slot)?, slot)))
         .collect();
+    // A run must know that nobody else writes its file, by whatever name.
+    if let Some(names) = fs::metadata(path).ok().map(|found| found.nlink()).filter(|&names| names > 1) {
+        return Err(format!(
+            "the file has {names} names (hard links), and what is written to one changes them all; resume a \
+             copy of it"
+        ));
+    }
     if !path.exists() {
         return Err(if heads.is_empty() {
             "there is no such file; it is the output file of the run to go on with".into()
@@ -230,7 +241,8 @@ fn scene_of(file: &Path, recorded: &str, sets: &[String]) -> Result<Scene, Strin
     if scene.t_end < before.t_end {
         return Err(format!(
             "--set t_end={}: the run goes to t_end = {} s already; only a larger one is possible",
-            scene.t_end, before.t_end
+            short(scene.t_end),
+            short(before.t_end)
         ));
     }
     Ok(scene)

@@ -97,6 +97,15 @@ impl Dynamics<'_> {
         })
     }
 
+    /// Largest speed of the centre of any particle at `y`, m/s. Collective.
+    pub fn largest_speed(&self, y: &[f64]) -> f64 {
+        let width = self.width();
+        let speeds = (0..self.domain.owned).map(|i| velocity(row(y, width, i)).norm());
+        let mut largest = [speeds.fold(0.0, f64::max)];
+        self.domain.comm.max(&mut largest);
+        largest[0]
+    }
+
     /// Height of the highest point of any sphere above the origin, m. Collective.
     ///
     /// It is measured against gravity, or along z without gravity.

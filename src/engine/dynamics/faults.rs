@@ -12,8 +12,9 @@ impl Dynamics<'_> {
     /// The contact because of which the right-hand side at `y` and time `t` (s) is not finite, if any.
     /// Collective.
     ///
-    /// Of several it is the one with the lowest ids. Pairs come before walls.
-    pub fn explain(&mut self, y: &[f64], t: f64) -> Option<Error> {
+    /// Of several it is the one with the lowest ids. Pairs come before walls, whose names for messages are
+    /// `wall_names`.
+    pub fn explain(&mut self, y: &[f64], t: f64, wall_names: &[String]) -> Option<Error> {
         self.put_bodies(y);
         let ids = |i: usize| self.domain.ids[i] as f64;
         let sort = |broken: Broken| match broken {
@@ -31,7 +32,9 @@ impl Dynamics<'_> {
                 Some(if self.overflows(overlap) { pair } else { self.out_of_range([i, j], y, t) })
             }
             [1.0, i, k, overlap] => {
-                let (wall, beyond) = (k as usize, overlap - self.law().r);
+                let name = wall_names.get(k as usize).cloned();
+                let wall = name.unwrap_or_else(|| format!("the wall with index {k}"));
+                let beyond = overlap - self.law().r;
                 Some(if !self.overflows(overlap) {
                     self.out_of_range([i, i], y, t)
                 } else if beyond > 0.0 {

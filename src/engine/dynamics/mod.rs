@@ -176,7 +176,7 @@ impl<'c> Dynamics<'c> {
         particles: Particles,
         companions: &mut [&mut Vec<f64>],
     ) -> Result<Self, Error> {
-        let [set, _] = common_instructions(comm, InstructionSet::chosen()?);
+        let [set, _] = common_instructions(comm, InstructionSet::chosen().map_err(Error::Input)?);
         let kernel = kernel(set);
         let l_max = kernel.law().l_max;
         let Particles { ids, columns, constants, y } = particles;

@@ -10,6 +10,31 @@ use crate::ode::{Ivp, TrialOutcome, largest_magnitude};
 /// Contacts that open within this many of the smallest steps are pressed: no step resolves them.
 const PRESSED: f64 = 1000.0;
 
+/// The error of spheres of `mass` (kg) that are pressed together by `overlap` (m) at the time `t` (s), so that
+/// steps of `min_step` (s) are too long for what they do; `None` if steps can follow.
+pub fn pressed(law: LawParameters, mass: f64, overlap: f64, min_step: f64, t: f64) -> Option<Error> {
+    let LawParameters { r, f_0, kappa, .. } = law;
+    let force = f_0 * (kappa * overlap).exp();
+    // A sphere that is pushed with F moves by 1/kappa within sqrt(2 m/(kappa F)).
+    let time = (2.0 * mass / (kappa * force)).sqrt();
+    let shortest = PRESSED * min_step;
+    // The overlap for which that time is the shortest that steps can follow.
+    let enough = (2.0 * mass / (kappa * f_0 * shortest * shortest)).ln() / kappa;
+    let min_step_enough = time / PRESSED;
+    let is_pressed = overlap > 0.0 && overlap > enough;
+    let enough = enough.max(0.0);
+    is_pressed.then(|| Error::Pressed {
+        overlap,
+        share: overlap / r,
+        force,
+        time,
+        min_step,
+        enough,
+        min_step_enough,
+        t,
+    })
+}
+
 impl Simulation<'_> {
     /// Returns an error if no smaller step can succeed after a failed trial with step `h` (s). Collective.
     ///
@@ -41,16 +66,7 @@ impl Simulation<'_> {
     pub(super) fn fail_if_pressed(&mut self) -> Result<(), Error> {
         let (t, min_step) = (self.step_start.t, self.control.min_step);
         let (_, overlap) = self.dynamics.potential_energy(&self.step_start.y[..]);
-        let LawParameters { r, f_0, kappa, .. } = self.dynamics.law();
-        let force = f_0 * (kappa * overlap).exp();
-        // A sphere that is pushed with F moves by 1/kappa within sqrt(2 m/(kappa F)).
-        let time = (2.0 * self.dynamics.mass() / (kappa * force)).sqrt();
-        let pressed = overlap > 0.0 && time < PRESSED * min_step;
-        if pressed {
-            Err(Error::Pressed { overlap, share: overlap / r, force, time, min_step, t })
-        } else {
-            Ok(())
-        }
+        pressed(self.dynamics.law(), self.dynamics.mass(), overlap, min_step, t).map_or(Ok(()), Err)
     }
 
     /// Whether the right-hand side at the last accepted state is not finite. Collective.
@@ -68,7 +84,7 @@ impl Simulation<'_> {
 
     /// Why a right-hand side is not finite. Collective.
     fn not_finite(&mut self, fault: &Fault) -> Error {
-        self.dynamics.explain(&fault.state, fault.t).unwrap_or_else(|| {
+        self.dynamics.explain(&fault.state, fault.t, &self.wall_names).unwrap_or_else(|| {
             let layout = self.dynamics.layout();
             let slope = |i: usize| largest_magnitude(&fault.slope[layout.row(0, i).range()]);
             Error::Acceleration { i: self.dynamics.worst(slope), t: fault.t }

@@ -7,9 +7,12 @@ use crate::math::instructions::InstructionSet;
 use crate::model::columns::{Changes, Columns, SPIN, put_spins};
 use crate::ode::integrator::Integrator;
 use crate::ode::{Ivp, Limit, Norm, StepControl, StepRule, StepStart, TrialStep};
+use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
-use crate::scene::{Scene, Stop};
+use crate::scene::stop::Rest;
+use crate::scene::walls::described_walls;
 pub use cutoff::{cutoff, neglected_force};
+pub use failure::pressed;
 pub use frame_summary::FrameSummary;
 pub use memory::{Memory, Remembered, Snapshot};
 pub use observer::{Frame, Observer, Outcome};
@@ -66,13 +69,15 @@ pub struct Simulation<'c> {
     /// Largest gap at which the stabilised method evaluates contacts, m.
     cutoff: f64,
     norm: Norm,
+    /// Names of the walls for messages, in order.
+    wall_names: Vec<String>,
     /// The last accepted state of the owned particles, and what is known there.
     step_start: StepStart,
     trial: TrialStep,
     progress: Progress,
     schedule: Schedule,
     /// When the run ends because the particles are at rest.
-    stop: Option<Stop>,
+    rest: Option<Rest>,
     /// Whether a step has been accepted in this process.
     moved_on: bool,
     /// The memory of the run before the last trial.
@@ -155,12 +160,13 @@ impl<'c> Simulation<'c> {
             tolerance: control.tolerance / tightening(scene),
             cutoff: cutoff(scene, scale),
             norm,
+            wall_names: described_walls(&scene.container).into_iter().map(|(_, name)| name).collect(),
             control,
             step_start: StepStart::new(0.0, Vec::new()),
             trial: TrialStep::default(),
             progress: Progress::new(h),
             schedule: Schedule::new(scene),
-            stop: scene.stop.clone(),
+            rest: Rest::of(scene, scale),
             moved_on: false,
             memory: None,
             clock: WallClock { started: Instant::now(), output_seconds: 0.0 },

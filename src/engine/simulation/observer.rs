@@ -6,6 +6,7 @@ use crate::engine::dynamics::Clocks;
 use crate::error::{Error, StopRequest};
 use crate::model::columns::{Changes, Column, Columns, put_angular_velocities};
 use crate::ode::Dissipation;
+use crate::scene::stop::Rest;
 use std::borrow::Cow;
 use std::time::Instant;
 
@@ -108,6 +109,8 @@ pub struct Outcome {
     pub time: f64,
     /// The stop request that ended the run early, if any.
     pub stopped: Option<StopRequest>,
+    /// What the scene asks of particles at rest, if it does.
+    pub rest: Option<Rest>,
     /// The key of `[stop]` whose criterion ended the run because the particles are at rest, if any.
     pub at_rest_by: Option<&'static str>,
     /// Work done.
@@ -247,6 +250,7 @@ impl Simulation<'_> {
             tolerance: self.tolerance,
             time: self.step_start.t,
             stopped: request.stops().then_some(request),
+            rest: self.rest,
             at_rest_by: None,
             counts: Counts {
                 pairs: self.dynamics.pair_evaluations(),

@@ -28,15 +28,7 @@ fn check(norm: &Norm, tolerance: f64, tightening: f64, largest: f64, i: u64) -> 
     if norm.rate || tolerance >= rounding {
         return Ok(());
     }
-    let enough = rounding / tightening;
-    // Two digits, rounded up, so that the printed number is large enough.
-    let unit = 10f64.powf(enough.log10().floor() - 1.0);
-    Err(Error::Rounding {
-        tolerance: tolerance / tightening,
-        rounding,
-        i,
-        enough: (enough / unit).ceil() * unit,
-    })
+    Err(Error::Rounding { tolerance: tolerance / tightening, rounding, i, enough: rounding / tightening })
 }
 
 #[cfg(test)]
@@ -52,12 +44,12 @@ mod tests {
         assert_eq!(why.exit_code(), 3);
         assert!(why.to_string().contains("solver.tolerance = 9e-14 is below round-off"), "{why}");
         assert!(
-            why.to_string().contains("particle 7") && why.to_string().contains("9.4e-14 or more"),
+            why.to_string().contains("particle 7") && why.to_string().contains("9.33e-14 or more"),
             "{why}"
         );
         // The tolerance is tightened to a hundredth.
         let why = check(&scaled, 9e-14, 0.01, 42.0, 7).unwrap_err().to_string();
-        assert!(why.contains("9.4e-12 or more"), "{why}");
+        assert!(why.contains("9.33e-12 or more"), "{why}");
         let rate = Norm { weights: vec![vec![1.0; 6]], rate: true, mean: None };
         assert_eq!(check(&rate, 1e-20, 1.0, 42.0, 7), Ok(()));
     }

@@ -16,6 +16,7 @@ mod tests;
 mod write;
 
 use crate::engine::simulation::{FrameSummary, Memory};
+use crate::files::beside;
 use crate::model::columns::{Changes, Columns};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -81,14 +82,6 @@ pub fn stop_file(output: &Path) -> PathBuf {
 pub fn slot(output: &Path, serial: u64) -> PathBuf {
     let [a, b] = slots(output);
     if serial % 2 == 1 { a } else { b }
-}
-
-/// The path `output` with a dot and `ending` appended.
-fn beside(output: &Path, ending: &str) -> PathBuf {
-    let mut name = output.as_os_str().to_owned();
-    name.push(".");
-    name.push(ending);
-    name.into()
 }
 
 /// Removes checkpoints and the stop file of an earlier run, so that nobody takes them for files of this run.

@@ -19,7 +19,7 @@ use tempfile::TempDir;
 const SCENE: &str = "
     t_end = 0.7
     gravity = [0, 0, -9.81]
-    particles = { radius = 0.1, grid = { count = 60, bottom = 0.3, seed = 3 } }
+    particles = { radius = 0.1, mass = 1, grid = { count = 60, bottom = 0.3, seed = 3 } }
     container.box = { min = [0, 0, 0], max = [1, 1, inf] }
     contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
                 dissipation_focusing = 10, interaction_distance = 0.1 }

@@ -1,12 +1,13 @@
 //! Writes checkpoints: every rank writes its block of rows, and rank 0 writes the rest.
 
+use super::Header;
 use super::file::{self, Layout, PIECE};
-use super::{Header, beside};
 use crate::domain::Comm;
 use crate::domain::agreement::agree;
 use crate::domain::rows::{self, ById};
 use crate::engine::simulation::Snapshot;
 use crate::error::Error;
+use crate::files::beside;
 use crc32fast::Hasher;
 use std::fs::{self, File};
 use std::io;

@@ -264,13 +264,15 @@ impl Frames {
         self.flush(0)
     }
 
-    /// Adds one frame. It is in the file after [`Frames::sync`], or now if `sync` is set or much is held.
-    /// Collective.
-    pub fn append(&mut self, rows: &Rows, measures: &Measures, sync: bool) -> Result<()> {
+    /// Whether one more frame is as many as may wait in memory. The same on every rank.
+    pub fn are_full_with_the_next(&self) -> bool {
+        self.held.len() as u64 + 1 >= frames_held(self.count)
+    }
+
+    /// Adds one frame. It is in the file after [`Frames::sync`], or now if `write` is set. Collective.
+    pub fn append(&mut self, rows: &Rows, measures: &Measures, write: bool) -> Result<()> {
         self.held.push(*measures);
         self.first_row = rows.first;
-        // All ranks must come to the same answer, also where one has no rows.
-        let write = sync || self.held.len() as u64 >= frames_held(self.count);
         for k in 0..self.state.len() {
             let StateColumn { held, column, .. } = &mut self.state[k];
             let mut numbers = (rows.numbers)(column);

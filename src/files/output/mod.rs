@@ -11,10 +11,12 @@
 //! docs/file-format.md lists all groups and arrays.
 
 mod arrays;
+mod claim;
 mod collective;
 mod frames;
 #[cfg_attr(not(feature = "mpi"), path = "serial.rs")]
 mod mpio;
+mod pace;
 mod path;
 mod reopen;
 mod run_group;
@@ -30,7 +32,10 @@ use crate::error::Error;
 use crate::model::columns::{Column, Columns};
 use crate::ode::{Dissipation, Limit, MethodName, NormName};
 use crate::scene::SyncEvery;
+pub use claim::Claim;
+use claim::{Fate, Watch};
 use frames::Frames;
+use pace::Pace;
 
 pub use reopen::{Found, first_frame, frame, inspect, prepare};
 
@@ -149,35 +154,6 @@ pub struct Rows<'a> {
     pub numbers: &'a Numbers<'a>,
 }
 
-/// Decides after which frames all that are held are forced to the disk. The same on every rank.
-struct Pace {
-    sync: SyncEvery,
-    /// Wall time of the last frame that was forced to the disk, s.
-    synced: Option<f64>,
-    /// Wall time of the last frame, s.
-    last: f64,
-}
-
-impl Pace {
-    /// Whether the frame at wall time `now` (s) is forced to the disk, with all before it.
-    ///
-    /// In a pace by the clock it is the last one for which this is not too late, if the next frame takes as
-    /// long as this one took. So slow frames never wait.
-    fn is_due(&mut self, now: f64) -> bool {
-        let next = now + (now - self.last);
-        let due = match (self.sync, self.synced) {
-            (SyncEvery::Frame, _) | (SyncEvery::Seconds(_), None) => true,
-            (SyncEvery::Seconds(seconds), Some(synced)) => next >= synced + seconds,
-            (SyncEvery::End, _) => false,
-        };
-        self.last = now;
-        if due {
-            self.synced = Some(now);
-        }
-        due
-    }
-}
-
 /// An output file that grows by frames.
 ///
 /// Every frame is forced to the disk, unless [`Output::with_sync`] asks for less. Whatever ends the run, and
@@ -192,20 +168,25 @@ impl Pace {
 /// frames.
 ///
 /// Dropping an `Output` that has not failed closes the file with `completed = 0`. That is collective too.
+///
+/// Before each write rank 0 looks at the file by its name. If that is gone, the run can still save itself, as
+/// [`Error::Replaced`] says. If somebody else writes to the file, the `Output` has failed.
 pub struct Output<'a> {
     comm: &'a dyn Comm,
     path: PathBuf,
     frames: Option<Frames>,
     pace: Pace,
-    /// Device and inode of the file; on rank 0 only.
-    identity: Option<(u64, u64)>,
+    claim: Option<&'a Claim>,
+    /// On rank 0 only.
+    watch: Option<Watch>,
 }
 
 impl<'a> Output<'a> {
     /// Checks whether about `estimated_bytes` can be written to `path`. Creates nothing. Collective.
     ///
-    /// Without `force` no file may exist there. Rank 0 checks, and all ranks return what it found: the
-    /// absolute path, or an error that says what is wrong and what would be right.
+    /// Without `force` no file may exist there, and no other process may write it. Rank 0 checks, and all ranks
+    /// return what it found: the one absolute name of the file, or an error that says what is wrong and what
+    /// would be right. A run takes it by [`Claim::stake`], which makes the same checks.
     ///
     /// # Examples
     ///
@@ -228,19 +209,13 @@ impl<'a> Output<'a> {
         force: bool,
         estimated_bytes: u64,
     ) -> Result<PathBuf, Error> {
-        let mut outcome = Vec::new();
-        if comm.rank() == 0 {
-            outcome = path::to_bytes(&path::look(path, force, estimated_bytes));
-        }
-        comm.broadcast(&mut outcome);
-        path::from_bytes(&outcome).map_err(Error::Input)
+        path::share(comm, || path::look(path, force, estimated_bytes))
     }
 
     /// Creates the file, or replaces one that exists. Readers can open it and find no frames yet. Collective.
     ///
-    /// `path` must be the same on every rank: the one that [`Output::check_path`] returned. `id_rows` is this
-    /// rank's block of ids. `constants` returns its columns that change only when lists are built: these are
-    /// written once.
+    /// `path` must be the same on every rank: the one of a [`Claim`]. `id_rows` is this rank's block of ids.
+    /// `constants` returns its columns that change only when lists are built: these are written once.
     pub fn create(
         comm: &'a dyn Comm,
         path: &Path,
@@ -250,6 +225,7 @@ impl<'a> Output<'a> {
         constants: &Numbers,
     ) -> Result<Output<'a>, Error> {
         let info = info.agreed(comm);
+        path::share(comm, || path::remove_old(path).map(|()| path.to_path_buf()))?;
         let frames = Frames::create(comm, path, &info, contents, id_rows, constants)
             .map_err(|why| failure(path, &why))?;
         Ok(Self::with(comm, path, frames))
@@ -269,52 +245,71 @@ impl<'a> Output<'a> {
     }
 
     fn with(comm: &'a dyn Comm, path: &Path, frames: Frames) -> Self {
-        let identity = (comm.rank() == 0).then(|| path::identity(path)).flatten();
+        let watch = (comm.rank() == 0).then(|| Watch::new(path)).flatten();
         let path = path.to_path_buf();
-        let pace = Pace { sync: SyncEvery::Frame, synced: None, last: 0.0 };
-        Output { comm, path, frames: Some(frames), pace, identity }
+        let pace = Pace::new(SyncEvery::Frame);
+        Output { comm, path, frames: Some(frames), pace, claim: None, watch }
+    }
+
+    /// Stops writing where another process has taken over `claim`.
+    #[must_use]
+    pub fn with_claim(mut self, claim: &'a Claim) -> Self {
+        self.claim = Some(claim);
+        self
     }
 
     /// Forces frames to the disk as often as `sync` says. Between times they are held in memory.
     #[must_use]
     pub fn with_sync(mut self, sync: SyncEvery) -> Self {
-        self.pace.sync = sync;
+        self.pace = Pace::new(sync);
         self
     }
 
-    /// Fails if the file has been removed or replaced. Collective.
+    /// Fails if somebody else writes to the file, or has done so: it is never touched again. Collective.
     ///
-    /// This makes no call to HDF5, so the file can still be closed. Only its name is lost, not its content.
-    fn check_identity(&self) -> Result<(), Error> {
-        let mut outcome = Vec::new();
+    /// Returns what has happened to its name. This makes no call to HDF5, so a file that has only lost its
+    /// name can still be written and closed.
+    fn check_content(&mut self) -> Result<Option<&'static str>, Error> {
+        let mut fate = Vec::new();
         if self.comm.rank() == 0 {
-            outcome.push(match path::identity(&self.path) {
-                found if found == self.identity => 0,
-                None => 1,
-                Some(_) => 2,
-            });
+            let known = self.watch.map(|watch| watch.fate(&self.path, self.claim));
+            fate = known.unwrap_or(Fate::Moved("removed")).to_bytes();
         }
-        self.comm.broadcast(&mut outcome);
-        let what = match outcome.first() {
-            Some(1) => "removed",
-            Some(2) => "replaced by another file",
-            _ => return Ok(()),
-        };
-        Err(Error::Replaced { file: self.path.display().to_string(), what })
+        self.comm.broadcast(&mut fate);
+        match Fate::from_bytes(&fate) {
+            Fate::Intact => Ok(None),
+            Fate::Moved(what) => Ok(Some(what)),
+            Fate::Spoiled(why) => {
+                mem::forget(self.frames.take());
+                Err(Error::Output { file: self.path.display().to_string(), why })
+            }
+        }
+    }
+
+    /// Fails also if the file has been removed or replaced. Collective.
+    fn check(&mut self) -> Result<(), Error> {
+        match self.check_content()? {
+            None => Ok(()),
+            Some(what) => Err(Error::Replaced { file: self.path.display().to_string(), what }),
+        }
     }
 
     /// Appends one frame, and forces it to the disk if its time has come. Collective.
     pub fn append(&mut self, rows: &Rows, measures: &Measures) -> Result<(), Error> {
-        self.check_identity()?;
         let measures = measures.agreed(self.comm);
-        let sync = self.pace.is_due(measures.wall_seconds);
-        self.guarded(|frames| frames.append(rows, &measures, sync))
+        let due = self.pace.is_due(measures.wall_seconds);
+        let write = due || self.frames.as_ref().is_some_and(Frames::are_full_with_the_next);
+        if write {
+            self.check()?;
+        }
+        self.guarded(|frames| frames.append(rows, &measures, write))
     }
 
     /// Forces all frames so far to the disk. Collective.
     ///
     /// A checkpoint needs this first: a run that goes on from it expects all frames before it in the file.
     pub fn sync(&mut self) -> Result<(), Error> {
+        self.check_content()?;
         self.guarded(Frames::sync)
     }
 
@@ -330,6 +325,7 @@ impl<'a> Output<'a> {
     ) -> Result<(), Error> {
         let measures = measures.agreed(self.comm);
         let method = agreed_text(self.comm, method);
+        self.check()?;
         self.guarded(|frames| {
             frames.sync()?;
             at_rest_by.map_or(Ok(()), |by| frames.stopped(by))?;
@@ -343,6 +339,7 @@ impl<'a> Output<'a> {
 
     /// Writes what stopped the run before its end, and closes the file. Collective.
     pub fn stop(mut self, by: &str) -> Result<(), Error> {
+        self.check()?;
         self.guarded(|frames| {
             frames.sync()?;
             frames.stopped(by)
@@ -372,6 +369,9 @@ impl<'a> Output<'a> {
         match work(&mut frames) {
             Ok(result) => {
                 self.frames = Some(frames);
+                if let Some(watch) = &mut self.watch {
+                    watch.update(&self.path);
+                }
                 Ok(result)
             }
             Err(why) => {
@@ -390,6 +390,9 @@ impl Drop for Output<'_> {
             mem::forget(self.frames.take());
         }
         // An error came first and is reported. After one of its own the file is left as it is.
+        if self.frames.is_none() || self.check_content().is_err() {
+            return;
+        }
         if let Some(mut frames) = self.frames.take()
             && frames.sync().is_err()
         {

@@ -1,6 +1,5 @@
 //! Vector instruction sets: which ones exist, which one a process uses, and how code is compiled for each.
 
-use crate::error::Error;
 pub use lanes::Lanes;
 use lanes::Plain;
 #[cfg(target_arch = "x86_64")]
@@ -55,8 +54,8 @@ impl InstructionSet {
     /// The set to use: the one that the environment variable `DEMHYBRID_INSTRUCTIONS` names, else the widest
     /// that this processor can run.
     ///
-    /// A name that this processor cannot run is an error.
-    pub fn chosen() -> Result<Self, Error> {
+    /// A name that this processor cannot run is an error, whose text says so.
+    pub fn chosen() -> Result<Self, String> {
         let sets = Self::available();
         let Some(wanted) = std::env::var_os("DEMHYBRID_INSTRUCTIONS") else {
             return Ok(*sets.last().expect("there is a baseline"));
@@ -65,11 +64,7 @@ impl InstructionSet {
         known.copied().ok_or_else(|| {
             let names: Vec<&str> = sets.iter().map(|set| set.name()).collect();
             let wanted = wanted.to_string_lossy();
-
-            Error::Input(format!(
-                "DEMHYBRID_INSTRUCTIONS = \"{wanted}\": this processor runs {}",
-                names.join(", ")
-            ))
+            format!("DEMHYBRID_INSTRUCTIONS = \"{wanted}\": this processor runs {}", names.join(", "))
         })
     }
 

@@ -7,7 +7,8 @@ use std::path::Path;
 
 use csv::StringRecord;
 
-use super::{InitialCondition, NO_ROTATION};
+use super::InitialCondition;
+use super::header::{renamed, unread};
 use crate::error::Error;
 use crate::scene::{Scene, brief, shown};
 
@@ -15,14 +16,20 @@ use crate::scene::{Scene, brief, shown};
 const MOST_ROWS: usize = 1_000_000_000;
 
 /// The three columns of a vector. They must be given together.
-struct Triple {
-    names: [&'static str; 3],
-    meaning: &'static str,
+pub(super) struct Triple {
+    pub names: [&'static str; 3],
+    pub name: &'static str,
+    pub unit: &'static str,
 }
 
-const CENTRE: Triple = Triple { names: ["x", "y", "z"], meaning: "the centre in m" };
-const VELOCITY: Triple = Triple { names: ["vx", "vy", "vz"], meaning: "the velocity in m/s" };
-const SPIN: Triple = Triple { names: ["avx", "avy", "avz"], meaning: "the angular velocity in 1/s" };
+pub(super) const CENTRE: Triple = Triple { names: ["x", "y", "z"], name: "centre", unit: "m" };
+pub(super) const VELOCITY: Triple = Triple { names: ["vx", "vy", "vz"], name: "velocity", unit: "m/s" };
+pub(super) const SPIN: Triple =
+    Triple { names: ["avx", "avy", "avz"], name: "angular velocity", unit: "rad/s" };
+
+/// Part of messages: why angular velocities are refused, and what to do.
+pub(super) const NO_ROTATION: &str = "this scene has no rotation: spins must be 0 or left out, or rotation \
+                                      switched on by [friction] with a coefficient > 0 and rotation = true";
 
 /// Reads the file that `particles.file` names. To be called on rank 0 only.
 ///
@@ -40,16 +47,28 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<InitialCondition, 
              relative path starts at the folder of the scene"
         ))
     })?;
-    let text = String::from_utf8(bytes).map_err(|mistake| {
-        let sound = &mistake.as_bytes()[..mistake.utf8_error().valid_up_to()];
-        let line = 1 + sound.iter().filter(|&&byte| byte == b'\n').count();
-        Error::Input(format!(
-            "{name}:{line}: not UTF-8 text: the file must be a CSV table with the columns x,y,z"
-        ))
+    let text = text_of(bytes).map_err(|(line, why)| {
+        Error::Input(format!("{name}:{line}: {why}: the file must be a CSV table with the columns x,y,z"))
     })?;
-    // Some spreadsheets write a byte order mark.
-    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    Table { name: &name, text, rotates: scene.rotates() }.read()
+    Table { name: &name, text: &text, rotates: scene.rotates() }.read()
+}
+
+/// Bytes as text, without a byte order mark. An error gives the line, from 1, and says what it is instead.
+pub(crate) fn text_of(bytes: Vec<u8>) -> Result<String, (usize, &'static str)> {
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return Err((1, "UTF-16 text, and UTF-8 is expected"));
+    }
+    let line_at = |bytes: &[u8], end: usize| 1 + bytes[..end].iter().filter(|&&byte| byte == b'\n').count();
+    if let Some(zero) = bytes.iter().position(|&byte| byte == 0) {
+        return Err((line_at(&bytes, zero), "no text, as it holds a byte 0"));
+    }
+    let text = String::from_utf8(bytes).map_err(|mistake| {
+        (line_at(mistake.as_bytes(), mistake.utf8_error().valid_up_to()), "not UTF-8 text")
+    })?;
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.to_owned(),
+        None => text,
+    })
 }
 
 /// The content of a file or a pipe. A device is refused, since it may be endless.
@@ -73,8 +92,9 @@ struct Table<'a> {
 
 impl Table<'_> {
     fn read(&self) -> Result<InitialCondition, Error> {
-        let mut reader =
-            csv::ReaderBuilder::new().flexible(true).has_headers(false).from_reader(self.text.as_bytes());
+        let mut options = csv::ReaderBuilder::new();
+        let options = options.flexible(true).has_headers(false).comment(Some(b'#'));
+        let mut reader = options.from_reader(self.text.as_bytes());
         let mut row = StringRecord::new();
         if !self.next(&mut reader, &mut row)? {
             let message = "the file is empty: its first line must name the columns, e.g. x,y,z";
@@ -87,7 +107,7 @@ impl Table<'_> {
             .ok_or_else(|| self.no_centres(&header, header_line))?;
         let velocity = self.columns(&header, header_line, &VELOCITY)?;
         let spin = self.columns(&header, header_line, &SPIN)?;
-        let mut start = InitialCondition::default();
+        let mut start = InitialCondition { unread: unread(&header), ..InitialCondition::default() };
         while self.next(&mut reader, &mut row)? {
             // Skip a line of blanks.
             if header.len() > 1 && row.len() == 1 && row[0].trim().is_empty() {
@@ -152,11 +172,17 @@ impl Table<'_> {
         if absent.len() == 3 {
             return Ok(None);
         }
+        let absent: Vec<&str> = absent.into_iter().map(|(_, name)| name).collect();
+        let hint = match renamed(header, &absent) {
+            hint if hint.is_empty() => hint,
+            hint => format!("; {hint}"),
+        };
         let message = format!(
-            "column {} is missing: {} go together, they are {}; the first line is {}",
-            absent[0].1,
+            "column {} is missing: {} go together, they are the {} in {}; the first line is {}{hint}",
+            absent[0],
             triple.names.join(","),
-            triple.meaning,
+            triple.name,
+            triple.unit,
             brief(&header.join(","))
         );
         Err(Error::Input(format!("{}:{line}: {message}", self.name)))
@@ -164,14 +190,18 @@ impl Table<'_> {
 
     fn no_centres(&self, header: &[String], line: usize) -> Error {
         let first = header.join(",");
-        let hint = if first.contains([';', '\t']) {
-            "; fields must be separated by commas"
+        let names = renamed(header, &CENTRE.names);
+        let separated_otherwise = header.len() == 1 && first.contains([';', '\t', ' ', '|']);
+        let hint = if separated_otherwise {
+            "; fields must be separated by commas, and decimals follow a point".to_owned()
+        } else if self.names_stand_in_a_comment() {
+            "; the names stand behind #, which makes a line a comment".to_owned()
         } else if header.iter().all(|name| name.parse::<f64>().is_ok()) {
-            "; numbers start below it"
-        } else if header.iter().any(|name| ["X", "Y", "Z"].contains(&name.as_str())) {
-            "; names are in lower case"
+            "; numbers start below it".to_owned()
+        } else if !names.is_empty() {
+            format!("; {names}")
         } else {
-            ""
+            String::new()
         };
         let message = format!(
             "columns x, y and z are missing: the first line must name them, they are the centre in m; it is \
@@ -179,6 +209,15 @@ impl Table<'_> {
             brief(&first)
         );
         Error::Input(format!("{}:{line}: {message}", self.name))
+    }
+
+    /// Whether a comment holds the names of the columns, as some programs write them.
+    fn names_stand_in_a_comment(&self) -> bool {
+        let names = |line: &str| {
+            let fields: Vec<&str> = line.trim_start_matches('#').split(',').map(str::trim).collect();
+            CENTRE.names.iter().all(|name| fields.contains(name))
+        };
+        self.text.lines().take_while(|line| line.starts_with('#')).any(names)
     }
 
     fn vector(
@@ -199,10 +238,13 @@ impl Table<'_> {
                 Ok(_) => "is not finite",
                 Err(_) => "is not a number",
             };
+            let with_comma = field.contains(',') && field.replacen(',', ".", 1).parse::<f64>().is_ok();
+            let hint = if with_comma { "; decimals follow a point" } else { "" };
             let message = format!(
-                "{name} = \"{}\" {problem}: column {name} needs a finite number, a part of {}",
+                "{name} = \"{}\" {problem}: column {name} needs a finite number, a part of the {} in {}{hint}",
                 brief(field),
-                triple.meaning
+                triple.name,
+                triple.unit
             );
             return Err(self.wrong(row, &message));
         }
@@ -226,13 +268,16 @@ impl Table<'_> {
         Error::Input(format!("{}:{}: {message}", self.name, self.line(row)))
     }
 
-    /// Number of the line of a row, from 1. The count of the CSV reader is wrong after blank lines and
-    /// carriage returns.
+    /// Number of the line of a row, from 1. The count of the CSV reader is wrong after blank lines, carriage
+    /// returns and comments.
     fn line(&self, row: &StringRecord) -> usize {
         let start = row.position().map_or(0, |position| position.byte() as usize);
-        let bytes = self.text.as_bytes();
-        let blank = bytes[start..].iter().take_while(|&&byte| byte == b'\n' || byte == b'\r').count();
-        1 + bytes[..start + blank].iter().filter(|&&byte| byte == b'\n').count()
+        let before = &self.text.as_bytes()[..start];
+        let skipped = |line: &&str| line.starts_with('#') || line.trim_end_matches(['\r', '\n']).is_empty();
+        // The reader may stop between the carriage return and the end of a line.
+        let skipped =
+            self.text[start..].split_inclusive('\n').take_while(skipped).filter(|line| line.ends_with('\n'));
+        1 + before.iter().filter(|&&byte| byte == b'\n').count() + skipped.count()
     }
 }
 
@@ -245,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_are_found_by_name_and_others_are_ignored() {
+    fn columns_are_found_by_name_and_others_are_told() {
         let start = read("id, z ,y,x,colour,avx,avy,avz\r\n9,3,2,1,red,4,5,6\r\n").unwrap();
         assert_eq!(
             start,
@@ -253,11 +298,44 @@ mod tests {
                 x: vec![[1.0, 2.0, 3.0]],
                 v: vec![[0.0; 3]],
                 omega: vec![[4.0, 5.0, 6.0]],
+                unread: start.unread.clone(),
                 ..InitialCondition::default()
             }
         );
+        assert_eq!(start.unread, ["id (the order of rows gives ids)", "colour"]);
         let start = read("\n x,y,z,vx,vy,vz\n\n\"1\", 2 ,3e0,+4,5.,.5\n   \n").unwrap();
         assert_eq!((start.x[0], start.v[0]), ([1.0, 2.0, 3.0], [4.0, 5.0, 0.5]));
+    }
+
+    #[test]
+    fn lines_that_begin_with_a_hash_are_comments() {
+        let text = "# from a spreadsheet\n#\r\nx,y,z\n1,2,3\n# half way\n4,5,6\n";
+        assert_eq!(read(text).unwrap().x, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]);
+        let message = read("# a\n\n# b\nx,y,z\n# c\n1,2,3\n# d\n1,b,3\n").unwrap_err().to_string();
+        assert!(message.starts_with("a.csv:8: y = \"b\" is not a number"), "{message}");
+        let message = read("# x,y,z\n1,2,3\n").unwrap_err().to_string();
+        assert!(
+            message.starts_with("a.csv:2: ") && message.contains("the names stand behind #"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn columns_of_other_programs_are_refused_with_the_names_that_are_read() {
+        let message = read("\"Points:0\",\"Points:1\",\"Points:2\"\n1,2,3\n").unwrap_err().to_string();
+        assert!(message.contains("\"Points:0\" must be named x, \"Points:1\" must be named y"), "{message}");
+        let message = read("x [m],y [m],z [m]\n1,2,3\n").unwrap_err().to_string();
+        assert!(message.contains("\"z [m]\" must be named z"), "{message}");
+        let message = read("x,y,z,vx,vel_y,vz\n1,2,3,4,5,6\n").unwrap_err().to_string();
+        assert!(message.contains("column vy is missing") && message.ends_with("\"vel_y\" must be named vy"));
+    }
+
+    #[test]
+    fn bytes_that_are_no_text_are_told_by_their_kind() {
+        assert_eq!(text_of(b"\xef\xbb\xbfx,y".to_vec()), Ok("x,y".to_owned()));
+        assert_eq!(text_of(b"\xff\xfex\0".to_vec()).unwrap_err().0, 1);
+        assert_eq!(text_of(b"x\ny\0".to_vec()), Err((2, "no text, as it holds a byte 0")));
+        assert_eq!(text_of(b"x\n\n\xe9".to_vec()), Err((3, "not UTF-8 text")));
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! The initial condition: from a CSV file or the paper's randomly perturbed grid; and whether it is valid.
 
+mod check;
 mod file;
+mod header;
+pub mod overlaps;
 
 use std::ops::Range;
 
@@ -8,12 +11,11 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::error::Error;
-use crate::math::digits::{short, triple};
 use crate::model::columns::{Changes, Column, Columns};
-use crate::scene::walls::described_walls;
-use crate::scene::{Grid, Scene, cells_along, shown};
-pub(crate) use file::read_bytes;
+use crate::scene::{Grid, Scene, cells_along};
+pub use check::check;
 pub use file::read_csv;
+pub(crate) use file::{read_bytes, text_of};
 
 /// Initial state of all particles. Row `k` is the particle with id `k`. All three lists have the same length.
 ///
@@ -41,6 +43,8 @@ pub struct InitialCondition {
     pub omega: Vec<[f64; 3]>,
     /// Further columns, such as a tag of every particle: row `k` of each belongs to particle `k`.
     pub columns: Vec<(Column, Vec<f64>)>,
+    /// Columns of the particle file that nobody reads: their names, as text for a warning.
+    pub unread: Vec<String>,
 }
 
 impl InitialCondition {
@@ -120,11 +124,15 @@ impl InitialCondition {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
-    let sides = scene.container.r#box.clone().unwrap_or_default();
-    let cells = |axis: usize| cells_along(sides.max[axis] - sides.min[axis], grid.spacing).max(1);
+    let sides = scene.container.r#box.as_ref();
+    let corner = sides.map_or([0.0; 3], |sides| sides.min);
+    let cells = |axis: usize| {
+        let side = sides.map_or(f64::INFINITY, |sides| sides.max[axis] - sides.min[axis]);
+        cells_along(side, grid.spacing).max(1)
+    };
     let (nx, ny) = (cells(0), cells(1));
     let layer = nx.saturating_mul(ny);
-    let corner = [sides.min[0], sides.min[1], grid.bottom];
+    let corner = [corner[0], corner[1], grid.bottom];
     let mut random = ChaCha8Rng::seed_from_u64(grid.seed.unwrap_or(0));
     let x: Vec<_> = (0..grid.count)
         .map(|k| {
@@ -137,69 +145,6 @@ pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
         .collect();
     let still = vec![[0.0; 3]; x.len()];
     InitialCondition { x, v: still.clone(), omega: still, ..InitialCondition::default() }
-}
-
-/// Checks the initial condition of either source.
-///
-/// All numbers must be finite, angular velocities must be 0 without rotation, and every centre must lie
-/// strictly inside all walls.
-///
-/// # Examples
-///
-/// ```rust
-/// use demhybrid::scene::{Scene, initial_condition};
-///
-/// let text = std::fs::read_to_string("configs/quick.toml")?;
-/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
-/// let grid = scene.particles.grid.as_ref().ok_or("there is no grid")?;
-/// let mut start = initial_condition::grid(&scene, grid);
-/// start.x[3][2] = -0.25;
-/// let mistake = initial_condition::check(&scene, &start).unwrap_err().to_string();
-/// assert!(mistake.contains("particle 3") && mistake.contains("0.25 m beyond"), "{mistake}");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
-    let walls = described_walls(&scene.container);
-    let rotates = scene.rotates();
-    for (id, ((x, v), omega)) in start.x.iter().zip(&start.v).zip(&start.omega).enumerate() {
-        let row = match scene.particles.file {
-            Some(_) => format!(" (row {} below the first line)", id + 1),
-            None => String::new(),
-        };
-        let wrong = |what: &str| Err(Error::Input(format!("{}: particle {id}{row} {what}", origin(scene))));
-        for (name, vector) in [("position", x), ("velocity", v), ("angular velocity", omega)] {
-            if !vector.iter().all(|number| number.is_finite()) {
-                return wrong(&format!("has the {name} {}: all numbers must be finite", triple(vector)));
-            }
-        }
-        if !rotates && *omega != [0.0; 3] {
-            return wrong(&format!("has the angular velocity {} 1/s, but {NO_ROTATION}", triple(omega)));
-        }
-        for (wall, name) in &walls {
-            let beyond = -wall.depth(&(*x).into());
-            if beyond >= 0.0 || beyond.is_nan() {
-                let how_far = match beyond {
-                    0.0 => "lies exactly on".to_owned(),
-                    _ => format!("lies {} m beyond", short(beyond)),
-                };
-                let hint = "every centre must be strictly inside all walls";
-                return wrong(&format!("at {} m {how_far} {}: {hint}", triple(x), name));
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Part of messages: why angular velocities are refused, and what to do.
-const NO_ROTATION: &str = "this scene has no rotation: spins must be 0 or left out, or rotation switched on \
-                           by [friction] with a coefficient > 0 and rotation = true";
-
-/// The source of the initial condition, for messages.
-fn origin(scene: &Scene) -> String {
-    match &scene.particles.file {
-        Some(file) => shown(file),
-        None => "particles.grid".to_owned(),
-    }
 }
 
 /// The speed with which the scaled norm compares errors of velocity, m/s.
@@ -244,7 +189,7 @@ mod tests {
 
     fn scene(sets: &[&str]) -> Scene {
         let text = "t_end = 1
-            particles = { radius = 0.1, grid = {} }
+            particles = { radius = 0.1, mass = 1, grid = {} }
             contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
                         dissipation_focusing = 10, interaction_distance = 0.1 }
             container.box = {}";
@@ -308,45 +253,6 @@ mod tests {
     fn layers_of_any_size_are_counted_without_overflow() {
         let x = start(&["container.box.max=[1e300, 1e300, inf]"]).x;
         assert_eq!(x.len(), 200);
-    }
-
-    #[test]
-    fn walls_are_numbered_and_only_finite_sides_count() {
-        let scene = scene(&["container.wall=[{ normal = [0, -3, -4] }]"]);
-        let walls = described_walls(&scene.container);
-        assert_eq!(walls.len(), 6);
-        assert!(walls[3].1.contains("y = 1 m"), "{}", walls[3].1);
-        assert!(walls[5].1.contains("container.wall[0]"));
-        // The normal (0, -3, -4) has length 5.
-        assert!((walls[5].0.depth(&[9.0, 1.0, 1.0].into()) - 1.4).abs() < 1e-15);
-    }
-
-    #[test]
-    fn a_centre_outside_is_named_with_its_wall_and_distance() {
-        let scene = scene(&["container.wall=[{ normal = [0, 0, 1e200], point = [0, 0, 9] }]"]);
-        let mut start = InitialCondition {
-            x: vec![[0.5; 3]; 4],
-            v: vec![[0.0; 3]; 4],
-            omega: vec![[0.0; 3]; 4],
-            ..InitialCondition::default()
-        };
-        assert_eq!(check(&scene, &start), Ok(()));
-        let message = |start: &InitialCondition| check(&scene, start).unwrap_err().to_string();
-        start.x[3] = [0.5, 1.25, 0.5];
-        assert_eq!(
-            message(&start),
-            "particles.grid: particle 3 at (0.5, 1.25, 0.5) m lies 0.25 m beyond the side y = 1 m of the box \
-             (container.box.max): every centre must be strictly inside all walls"
-        );
-        start.x[3] = [0.5, 0.5, 9.5];
-        assert!(message(&start).contains("lies 0.5 m beyond container.wall[0]"), "{}", message(&start));
-        start.x[3] = [0.5, 0.5, 0.0];
-        assert!(message(&start).contains("lies exactly on the side z = 0 m"), "{}", message(&start));
-        start.x[3] = [0.5, f64::NAN, 0.5];
-        assert!(message(&start).contains("must be finite"), "{}", message(&start));
-        start.x[3] = [0.5; 3];
-        start.omega[2] = [0.0, 0.0, 1.0];
-        assert!(message(&start).contains("this scene has no rotation"), "{}", message(&start));
     }
 
     #[test]

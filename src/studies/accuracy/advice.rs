@@ -3,7 +3,7 @@
 use super::ensemble::still_from;
 use super::findings::medians;
 use super::records::{Measure, Record, Statistic, Stepper, Study};
-use crate::math::digits::scientific;
+use crate::math::digits::{scientific, short};
 
 /// The data behind a recommendation.
 pub struct Question<'a> {
@@ -26,7 +26,8 @@ pub fn recommendation(question: &Question) -> String {
     let position = 10f64.powf((0.01 * question.radius).log10().round());
     let of = |study| medians(question.records.iter().filter(|record| record.study == study));
     let state = question.time.and_then(|time| {
-        let what = |target| format!("positions right to {} m at t = {time:.4} s", scientific(target, 1));
+        let what =
+            |target| format!("positions right to {} m at t = {} s", scientific(target, 1), short(time));
         sentence(&of(Study::State), Measure::PositionError, position, what)
     });
     let impact = || {

@@ -4,6 +4,7 @@ use super::findings::{Findings, measures};
 use super::records::{Measure, Record, Solver, Study};
 use super::solvers::{adaptive, with_solver};
 use crate::beds::plot::Line;
+use crate::math::digits::short;
 use crate::ode::MethodName;
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
@@ -66,7 +67,8 @@ pub fn study(
         "the balance is the largest energy that is neither there nor lost by rebound or friction"
     };
     let notes = vec![format!(
-        "energy: {what}, over the largest kinetic energy, in {FRAMES} frames up to t = {time:.4} s"
+        "energy: {what}, over the largest kinetic energy, in {FRAMES} frames up to t = {} s",
+        short(time)
     )];
     (Findings { records, notes, ..Findings::default() }, Energies { lines: lines(&samples[0].numbers) })
 }

@@ -8,6 +8,7 @@ use super::solvers::with_solver;
 use crate::beds::measures::bed::{bed_region, union_volume_fraction};
 use crate::beds::measures::contacts::{Contacts, SHARE};
 use crate::beds::measures::rattlers::mean_coordination;
+use crate::math::digits::short;
 use crate::math::interval::{Interval, interval};
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
@@ -105,7 +106,8 @@ pub fn study(
     }
     if let Some(best) = best {
         notes.push(format!(
-            "ensemble: beds at t = {until:.4} s from {} initial states; differences are to {}",
+            "ensemble: beds at t = {} s from {} initial states; differences are to {}",
+            short(until),
             starts.len(),
             best.label()
         ));

@@ -7,7 +7,7 @@ use super::records::{Measure, Record, Statistic, Study};
 use super::reference::Separation;
 use crate::beds::plot::{Across, Bar, Curve, Group, Line, Panel, Point, ensemble, series, work_precision};
 use crate::error::Error;
-use crate::math::digits::scientific;
+use crate::math::digits::{scientific, short};
 use crate::math::interval::Interval;
 use crate::scene::Scene;
 use std::path::{Path, PathBuf};
@@ -70,7 +70,7 @@ impl Shown<'_> {
             let runs = medians(of_study);
             if runs.iter().any(|run| run.measures.contains_key(&measure)) {
                 let at = match (study, self.separation) {
-                    (Study::State, Some((_, time))) => format!(" at t = {time:.4} s"),
+                    (Study::State, Some((_, time))) => format!(" at t = {} s", short(time)),
                     _ => String::new(),
                 };
                 let title = format!("{name}: {what}{at}, work for accuracy");

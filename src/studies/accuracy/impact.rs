@@ -6,6 +6,7 @@ use super::exact::Impact;
 use super::findings::{Findings, measures};
 use super::records::{Measure, Record, Solver, Study};
 use super::solvers::{gravity, with_solver};
+use crate::math::digits::short;
 use crate::math::vector::Vec3;
 use crate::scene::initial_condition::{InitialCondition, velocity_scale};
 use crate::scene::{Container, Scene, WallPlane};
@@ -190,13 +191,15 @@ pub fn study(pool: &JobPool, scene: &Scene, start: &InitialCondition, solvers: &
     let records = solvers.iter().zip(&samples).map(|(solver, sample)| setup.record(solver, sample)).collect();
     let mut notes = Vec::new();
     let throw = format!(
-        "impact: thrown at a floor with {:.4} m/s, a sphere keeps {:.6} of its speed (exact)",
-        setup.speed, setup.restitution
+        "impact: thrown at a floor with {} m/s, a sphere keeps {:.6} of its speed (exact)",
+        short(setup.speed),
+        setup.restitution
     );
     match setup.rebound_time {
         Some(time) => notes.push(format!(
-            "{throw}; dropped from {:.4} m it is highest again after {time:.6} s (exact)",
-            setup.height
+            "{throw}; dropped from {} m it is highest again after {} s (exact)",
+            short(setup.height),
+            short(time)
         )),
         None if setup.g > 0.0 => notes.push(format!("{throw}; dropped it does not turn but creeps to rest")),
         None => notes.push(format!("{throw}; without gravity there is no fall")),

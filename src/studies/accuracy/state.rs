@@ -4,7 +4,7 @@ use super::findings::{Findings, measures, median};
 use super::records::{Measure, Record, Solver, Study};
 use super::reference::{self, Difference, Separation, difference, end_state, reference};
 use super::solvers::with_solver;
-use crate::math::digits::scientific;
+use crate::math::digits::{scientific, short};
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
 use crate::studies::job_pool::run::work_limit;
@@ -40,8 +40,8 @@ pub fn when(
     let time = wanted.or(found).unwrap_or(horizon);
     let last = separation.points.last().map_or(0.0, |&(time, _)| time);
     let parting = match decorrelation_time {
-        Some(parted) => format!("have parted 1000-fold at t = {parted:.4} s"),
-        None => format!("have not parted 1000-fold up to t = {last:.4} s, where the search ended"),
+        Some(parted) => format!("have parted 1000-fold at t = {} s", short(parted)),
+        None => format!("have not parted 1000-fold up to t = {} s, where the search ended", short(last)),
     };
     let early = failure.map(|why| format!(" (the reference ended early: {why})")).unwrap_or_default();
     let caution = match (wanted, decorrelation_time) {
@@ -52,7 +52,8 @@ pub fn when(
     };
     let note = format!(
         "state: the reference and a twin shifted by 1e-9 radii {parting}{early}; states are compared \
-         at t = {time:.4} s{caution}"
+         at t = {} s{caution}",
+        short(time)
     );
     When { time, decorrelation_time, separation, note }
 }

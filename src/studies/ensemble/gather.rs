@@ -9,6 +9,7 @@ use crate::domain::agreement::share;
 use crate::error::Error;
 use crate::files::names::Series;
 use crate::files::run_file::RunFile;
+use crate::math::digits::short;
 use crate::studies::job_pool::{JobPool, Sample};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -68,8 +69,8 @@ fn look(file: &Path) -> Result<Found, Error> {
         false => Some(format!(
             "{} is not complete: it ends at t = {} s of {} s; demhybrid --resume goes on with it",
             file.display(),
-            run_file.series(Series::Time)?.last().copied().unwrap_or(0.0),
-            scene.t_end
+            short(run_file.series(Series::Time)?.last().copied().unwrap_or(0.0)),
+            short(scene.t_end)
         )),
     };
     Ok(Found { file: file.to_path_buf(), seed, scene: scene.resolved(), incomplete })

@@ -6,7 +6,7 @@ use crate::scene::initial_condition::{self, InitialCondition};
 /// The scene in TOML: eight spheres above the bottom of a box.
 pub const TEXT: &str = "t_end = 1
     gravity = [0, 0, -9.81]
-    particles = { radius = 0.1, grid = { count = 8, bottom = 0.2, seed = 1 } }
+    particles = { radius = 0.1, mass = 1, grid = { count = 8, bottom = 0.2, seed = 1 } }
     contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
                 dissipation_focusing = 10, interaction_distance = 0.1 }
     container.box = { max = [0.5, 0.5, inf] }";

@@ -48,7 +48,7 @@ const KEYS: &[&str] = &[
     "solver.velocity_scale", "solver.neglected_force", "solver.step", "solver.initial_step", "solver.min_step", "solver.max_step",
     "output", "output.file", "output.interval", "output.energy", "output.sync", "checkpoint", "checkpoint.interval",
     "checkpoint.wall", "limits", "limits.wall", "stop", "stop.unbalanced_force", "stop.kinetic_energy",
-    "stop.height_change", "stop.window", "x", "particles.x", "t_end.x", "contact.resitution",
+    "stop.height_change", "stop.window", "stop.speed", "stop.units", "x", "particles.x", "t_end.x", "contact.resitution",
     "container.wall.normal", "a.b.c.d.e", "", "..", "\"quoted\"",
 ];
 
