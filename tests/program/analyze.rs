@@ -135,7 +135,7 @@ fn table(folder: &Path, name: &str) -> Vec<Vec<String>> {
 const HEAP: [&str; 2] = [
     "t_end = 20.0
      gravity = [0.0, 0.0, -9.81]
-     particles = { radius = 0.1, file = 'heap.csv' }
+     particles = { radius = 0.1, mass = 1.0, file = 'heap.csv' }
      contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4,
                  dissipation_focusing = 10.0, interaction_distance = 0.1 }
      friction = { coefficient = 0.2, regularization_velocity = 0.01 }
