@@ -1,6 +1,7 @@
 //! The walls of a scene: the sides of its box and the planes of `container.wall`.
 
 use crate::math::digits::{short, triple};
+use crate::math::polyhedron::{Half, lowest};
 use crate::math::vector::Vec3;
 use crate::model::wall::Wall;
 use crate::scene;
@@ -65,6 +66,31 @@ pub fn wall_names(container: &scene::Container) -> Vec<String> {
 /// ```
 pub fn walls(container: &scene::Container) -> Vec<Wall> {
     named_walls(container).into_iter().map(|(wall, ..)| wall).collect()
+}
+
+/// The unit vector against `gravity` (m/s^2); z without gravity.
+pub fn upwards(gravity: &Vec3) -> Vec3 {
+    (-gravity).try_normalize(0.0).unwrap_or(Vec3::z())
+}
+
+/// The height (m) from which heights are measured, along the unit vector `up` from the origin.
+///
+/// It is the lowest point inside all walls; that of the origin where the walls leave the bottom open.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::wall::Wall;
+/// use demhybrid::scene::walls::ground;
+///
+/// let floor = Wall::new(Vec3::new(0.0, 0.0, -3.0), -Vec3::z());
+/// assert_eq!(ground(&[floor], &Vec3::z()), -3.0);
+/// assert_eq!(ground(&[floor], &Vec3::x()), 0.0); // nothing is below
+/// ```
+pub fn ground(walls: &[Wall], up: &Vec3) -> f64 {
+    let halves: Vec<Half> = walls.iter().map(Wall::half).collect();
+    lowest(&halves, up).unwrap_or(0.0)
 }
 
 /// Two walls that face each other from behind, so that nothing is inside of both: index and name of each.

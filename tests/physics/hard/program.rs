@@ -69,8 +69,7 @@ fn a_dry_run_warns_of_what_can_be_known_before() {
 fn a_dry_run_refuses_a_start_with_the_message_of_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let said = [&["--dry-run"][..], &["-q", "--output", "out.vtkhdf"]].map(|options| {
-        let arguments = [&[&file("coincident")[..]][..], options].concat();
-        let ended = Job::alone(folder.path(), &arguments).run().with_code(2);
+        let ended = Job::alone(folder.path(), &[&file("coincident")]).and(options).run().with_code(2);
         assert!(!ended.stdout.contains("is valid"), "{}", ended.stdout);
         ended.stderr
     });
