@@ -6,6 +6,7 @@ use toml::de::{DeInteger, DeTable, DeValue};
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
 use super::stop::Stop;
+use super::walls::{walls, walls_without_room};
 use super::{BoxSides, Checkpoint, Container, Grid, Scene};
 use crate::error::Error;
 use crate::math::digits::{rough, short};
@@ -195,8 +196,8 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
             .max_by(|(a, _), (b, _)| a.total_cmp(b))
             .map(|(_, key)| key)
     };
-    // Of the few keys of the table itself one may differ by a third of its letters. Among all others a name is
-    // meant only if it is the same but for a slip.
+    // Of the few keys of the table itself one may differ by a third of its letters. Among all others a name
+    // is meant only if it is the same but for a slip.
     const HERE: f64 = 0.6;
     const ELSEWHERE: f64 = 0.85;
     let here = nearest(&mut keys::of_table(schema), HERE);
@@ -204,6 +205,7 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
     let hint = match here.map(|key| (key, "")).or_else(|| anywhere().map(|key| (key, " elsewhere"))) {
         None => String::new(),
         Some((key, "")) => format!("did you mean {}? ", joined(shown, key.name())),
+        Some((key, _)) if key.kind == Kind::Table => format!("did you mean [{}]? ", key.path),
         Some((key, _)) if key.table().is_empty() => {
             format!("did you mean {}, which belongs above the first [table]? ", key.path)
         }
@@ -229,6 +231,7 @@ pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
             return Err(source.error(source.value(&path), &message));
         }
     }
+    room_between_walls(source, &scene.container)?;
     if let Some(grid) = &scene.particles.grid {
         room_for_grid(source, &scene.container, grid)?;
     }
@@ -282,6 +285,20 @@ fn box_sides(source: &Source, sides: &BoxSides) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// Checks that no wall faces another one from behind.
+fn room_between_walls(source: &Source, container: &Container) -> Result<(), Error> {
+    let Some([(_, first), (k, second)]) = walls_without_room(container) else { return Ok(()) };
+    let message = format!(
+        "{first} and {second} leave no room between them: a normal must point outward, away from the \
+         spheres, e.g. normal = [0.0, 0.0, -1.0] for a floor"
+    );
+    // Of two sides of a box one is below the other, so that the second wall is one of the list.
+    let sides = walls(container).len() - container.wall.len();
+    let path = format!("container.wall[{}]", k.saturating_sub(sides));
+    let span = source.value(&format!("{path}.normal")).or_else(|| source.value(&format!("{path}.point")));
+    Err(source.error(span.or_else(|| source.key("container.wall")), &message))
 }
 
 /// Checks that a grid has a box that is finite in x and y, with room for at least one cell.

@@ -109,7 +109,8 @@ pub struct Grid {
     /// Side of a cubic cell, m; > 0, and no larger than the box in x and y. 2.5 radii if left out.
     #[serde(default = "left_out")]
     pub spacing: f64,
-    /// Upper bound of the random shift of a centre along each axis, m; >= 0. A quarter of a radius if left out.
+    /// Upper bound of the random shift of a centre along each axis, m; >= 0. A quarter of a radius if left
+    /// out.
     #[serde(default = "left_out")]
     pub jitter: f64,
     /// Height of the lower face of the first layer of cells, m. 11 radii above the floor of the box, or above

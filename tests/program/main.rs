@@ -19,5 +19,8 @@ mod mpi;
 mod mpirun;
 mod python;
 mod readers;
+mod regions;
 mod render;
 mod restart;
+mod streams;
+mod writers;

@@ -77,8 +77,8 @@ pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
     match overlaps::coincident(scene, &start.x) {
         None => Ok(()),
         Some([i, j]) => Err(Error::Input(format!(
-            "{}: {} have the same centre, {} m, and a contact between them has no direction: all centres must \
-             differ",
+            "{}: {} have the same centre, {} m, and a contact between them has no direction: all centres \
+             must differ",
             origin(scene),
             named(scene, &[i, j]),
             triple(&start.x[i])
