@@ -7,7 +7,7 @@ use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
 use super::stop::Stop;
 use super::walls::{walls, walls_without_room};
-use super::{BoxSides, Checkpoint, Container, Grid, Scene};
+use super::{BoxSides, Checkpoint, Container, Grid, Particles, Scene};
 use crate::error::Error;
 use crate::math::digits::{rough, short};
 use crate::model::effects::FrictionLaw;
@@ -217,6 +217,7 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
 
 /// Checks how keys relate to each other.
 pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
+    one_mass(source, scene)?;
     one_source(source, scene)?;
     if let Some(sides) = &scene.container.r#box {
         box_sides(source, sides)?;
@@ -238,6 +239,33 @@ pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
     steps(source, scene)?;
     checkpoints(source, scene)?;
     frames(source, scene)
+}
+
+/// Checks that either the mass or the density of a sphere is given, and that both can be computed with.
+fn one_mass(source: &Source, scene: &Scene) -> Result<(), Error> {
+    let [mass, density] = ["particles.mass", "particles.density"].map(|path| source.key(path));
+    let Particles { mass: found, radius, .. } = scene.particles;
+    match (mass, density) {
+        (Some(mass), Some(_)) => Err(source.error(
+            Some(mass),
+            "particles.mass and particles.density contradict each other: one of them says how heavy a sphere \
+             is, e.g. mass = 1.0 (kg) or density = 2500.0 (kg/m^3)",
+        )),
+        (None, None) => Err(source.error(
+            source.key("particles"),
+            "particles.mass is missing: it is the mass of one sphere in kg, e.g. mass = 1.0, or \
+             particles.density gives it (kg/m^3), e.g. density = 2500.0",
+        )),
+        (None, Some(density)) if !found.is_normal() => Err(source.error(
+            Some(density),
+            &format!(
+                "particles.density gives spheres of {} m a mass of {found:e} kg, which no arithmetic \
+                 survives: it is the density in kg/m^3, e.g. density = 2500.0",
+                short(radius)
+            ),
+        )),
+        _ => Ok(()),
+    }
 }
 
 fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {

@@ -110,6 +110,8 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
         ("container.box.max", "10 radii in x and y, inf"),
         ("output.file", "name of the scene"),
         ("output.interval", "t_end/100"),
+        ("particles.density", "none; this or `particles.mass`"),
+        ("particles.mass", "none; this or `particles.density`"),
         ("particles.file", "none; this or `particles.grid`"),
         ("particles.grid.bottom", "11 radii above the floor"),
         ("particles.grid.jitter", "radius/4"),
