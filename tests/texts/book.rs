@@ -40,7 +40,7 @@ fn keys(table: &Value, above: &str, found: &mut BTreeMap<String, (Value, bool)>)
 
 /// The unit in a meaning: the word behind the first "in" that is one.
 fn unit(meaning: &str) -> &str {
-    const UNITS: [&str; 8] = ["s", "m", "kg", "N", "J", "1/m", "s/m", "m/s"];
+    const UNITS: [&str; 9] = ["s", "m", "kg", "kg/m^3", "N", "J", "1/m", "s/m", "m/s"];
     let words: Vec<&str> = meaning.split([' ', ',']).collect();
     let follows = words.windows(2).filter(|pair| pair[0] == "in").map(|pair| pair[1]);
     follows.into_iter().find(|unit| UNITS.contains(unit) || *unit == "m/s^2").unwrap_or("-")
