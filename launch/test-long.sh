@@ -4,7 +4,7 @@
 # the commands of all pages as they stand, the book, and ten minutes of fuzzing. Takes an hour or so on 2 cores,
 # as estimated; prints the figures, fails where one is out of its bounds.
 #   launch/test-long.sh                        all parts, in this order:
-#   launch/test-long.sh restart alone packing exports browser documents fuzz hard speed wide accuracy
+#   launch/test-long.sh restart writers alone packing exports browser documents fuzz hard speed wide accuracy
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 exec 3>&1 4>&2
@@ -47,6 +47,12 @@ within() {
 restart() {
     say "restart: 20 ranks killed at random times, runs stopped at three times and taken up on 1, 2 and 3 ranks"
     cargo test --locked --features long-tests --test program restart:: -- --nocapture --test-threads=1 2>&1 |
+        grep --line-buffered -v '^t = '
+}
+
+writers() {
+    say "writers: two processes and one file, 20 times each on one rank and on two"
+    cargo test --locked --features long-tests --test program writers:: -- --nocapture --test-threads=1 2>&1 |
         grep --line-buffered -v '^t = '
 }
 
@@ -131,7 +137,7 @@ accuracy() {
     demhybrid accuracy "$configs/settle.toml" --studies state --time 0.6 --seeds 5 --force -q
 }
 
-all=(restart alone packing exports browser documents fuzz hard speed wide accuracy)
+all=(restart writers alone packing exports browser documents fuzz hard speed wide accuracy)
 parts=("$@")
 [ $# -gt 0 ] || parts=("${all[@]}")
 for part in "${parts[@]}"; do

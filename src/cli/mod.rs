@@ -145,10 +145,11 @@ A scene whose file has the name of a command, like accuracy, is run by demhybrid
 
 Exit codes:
   0      done
-  2      a mistake found before the first step: scene, particles, command line, output file
+  2      a mistake found before the first step: scene, particles, command line, output file, \
+         or a file that another run is writing
   3      the computation failed: a force that is not finite, a step that cannot be made
-  4      the output could not be written
-  5      stopped on request, by SIGTERM, SIGINT, SIGUSR1, limits.wall or the file OUTPUT.stop, \
+  4      the output could not be written, or the summary not be printed
+  5      stopped on request, by SIGTERM, SIGINT, SIGUSR1, SIGHUP, limits.wall or the file OUTPUT.stop, \
          with a checkpoint
   70     an internal error
   128+N  killed by signal N

@@ -9,10 +9,10 @@ use crate::error::Error;
 /// Whether stdout was closed when the process began.
 static CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// The system calls this before `main`. There Rust opens /dev/null in the place of a closed stdout, and whatever
-/// is printed seems to arrive.
-// SAFETY: a function without arguments is what the section holds. It makes one system call and sets one flag, and
-// needs nothing that `main` has to prepare.
+/// The system calls this before `main`. There Rust opens /dev/null in the place of a closed stdout, and
+/// whatever is printed seems to arrive.
+// SAFETY: a function without arguments is what the section holds. It makes one system call and sets one
+// flag, and needs nothing that `main` has to prepare.
 #[cfg(target_os = "linux")]
 #[used]
 #[unsafe(link_section = ".init_array")]

@@ -1,9 +1,9 @@
 //! One writer at a time: a lock that a process holds as long as it may write to a file or a folder.
 //!
-//! It is the system's own lock (flock) on a small file beside what is written. The kernel releases it when the
-//! process ends, however that happens, so a dead job is in nobody's way. The text in the file says who holds
-//! it. That text is also the second line of defence, where a file system has no locks, or has them on each
-//! machine alone: a process whose text was replaced has lost the lock and must not write any more.
+//! It is the system's own lock (flock) on a small file beside what is written. The kernel releases it when
+//! the process ends, however that happens, so a dead job is in nobody's way. The text in the file says who
+//! holds it. That text is also the second line of defence, where a file system has no locks, or has them on
+//! each machine alone: a process whose text was replaced has lost the lock and must not write any more.
 
 use std::fmt;
 use std::fs::{self, File, TryLockError};
@@ -18,7 +18,7 @@ use rustix::process::{Pid, test_kill_process};
 use serde::{Deserialize, Serialize};
 
 /// How often a lock that another process holds is tried again: it may be about to end, or only looking.
-const TRIES: usize = 10;
+const TRIES: usize = 25;
 /// Time between two tries.
 const PAUSE: Duration = Duration::from_millis(20);
 /// More than any text of a lock file has, bytes.

@@ -22,3 +22,5 @@ mod readers;
 mod regions;
 mod render;
 mod restart;
+mod streams;
+mod writers;

@@ -149,6 +149,15 @@ impl Job {
     /// Starts the job and does not wait.
     pub fn start(self) -> Running {
         let machine = MACHINE.lock().unwrap_or_else(PoisonError::into_inner);
+        self.start_with(Some(machine))
+    }
+
+    /// Starts the job beside one that is at work, which has the machine.
+    pub fn start_beside(self, _other: &Running) -> Running {
+        self.start_with(None)
+    }
+
+    fn start_with(self, machine: Option<MutexGuard<'static, ()>>) -> Running {
         // Files, not pipes: whoever survives of a broken job keeps nobody waiting.
         let [out, err] = [(); 2].map(|()| NamedTempFile::new().unwrap());
         let append = |file: &NamedTempFile| File::options().append(true).open(file.path()).unwrap();
@@ -181,7 +190,7 @@ pub struct Running {
     err: NamedTempFile,
     started: Instant,
     patience: Patience,
-    _machine: MutexGuard<'static, ()>,
+    _machine: Option<MutexGuard<'static, ()>>,
 }
 
 impl Running {

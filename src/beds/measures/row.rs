@@ -54,7 +54,7 @@ pub struct Row {
     pub paper_count_in_unit_cube: Option<f64>,
     /// Share of the unit cube that spheres cover; `None` if no sphere is in it.
     pub volume_fraction_in_unit_cube: Option<f64>,
-    /// A contact pushes with more than this, N: a share of a [`Reference`](super::reference_force::Reference).
+    /// A contact pushes with more than this share of a [`Reference`](super::reference_force::Reference), N.
     pub contact_threshold: f64,
     /// Mean number of spheres that a sphere is in contact with.
     pub mean_coordination: f64,

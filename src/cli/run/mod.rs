@@ -54,7 +54,7 @@ pub struct Args {
     #[arg(long)]
     pub dry_run: bool,
 
-    /// Replace an existing output file
+    /// Replace an existing output file, unless another run is writing it
     #[arg(long)]
     pub force: bool,
 

@@ -1,5 +1,7 @@
 //! The claim of a run on its output file: it alone writes there, and it notices if that is so no longer.
 
+use std::fs::File;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use super::path;
@@ -16,9 +18,10 @@ pub struct Claim {
 }
 
 impl Claim {
-    /// Claims the file `path` after the checks of [`Output::check_path`](super::Output::check_path). Collective.
+    /// Claims the file `path`. Collective.
     ///
-    /// Rank 0 takes the lock. All ranks return what came of it.
+    /// Rank 0 makes the checks of [`Output::check_path`](super::Output::check_path) and takes the lock. All
+    /// ranks return what came of it.
     pub fn stake(comm: &dyn Comm, path: &Path, force: bool, estimated_bytes: u64) -> Result<Self, Error> {
         let mut lock = None;
         let path = path::share(comm, || {
@@ -29,7 +32,9 @@ impl Claim {
         Ok(Claim { path, lock })
     }
 
-    /// Checks whether the file may grow to about `estimated_bytes`. `name` is its name in messages. Collective.
+    /// Checks whether the file may grow to about `estimated_bytes`. Collective.
+    ///
+    /// `name` is its name in messages.
     pub fn check_room(&self, comm: &dyn Comm, name: &Path, estimated_bytes: u64) -> Result<(), Error> {
         path::share(comm, || path::check(name, &self.path, true, estimated_bytes)).map(drop)
     }
@@ -55,12 +60,19 @@ pub enum Fate {
 #[derive(Debug, Clone, Copy)]
 pub struct Watch {
     file: path::Identity,
+    /// Place and content of eight bytes that are written once.
+    mark: Option<(u64, [u8; 8])>,
 }
 
 impl Watch {
-    /// Begins to watch a file that was just written.
-    pub fn new(path: &Path) -> Option<Self> {
-        Some(Watch { file: path::identity(path)? })
+    /// Begins to watch a file that was just written. Its bytes from `mark` on are written once, and not 0.
+    ///
+    /// The bytes tell of a change that the length does not: HDF5 makes a file that is cut short in the middle
+    /// of a write as long as it was.
+    pub fn new(path: &Path, mark: Option<u64>) -> Option<Self> {
+        let known = |offset| Some((offset, bytes_at(path, offset)?));
+        let mark = mark.and_then(known).filter(|(_, bytes)| *bytes != [0; 8]);
+        Some(Watch { file: path::identity(path)?, mark })
     }
 
     /// Learns the length of the file after a write.
@@ -79,12 +91,23 @@ impl Watch {
             None => Fate::Moved("removed"),
             Some(found) if !found.is_same_file(&self.file) => Fate::Moved("replaced by another file"),
             Some(found) if found.length != self.file.length => Fate::Spoiled(format!(
-                "another program has changed it: it has {} bytes, and this run left {}; nothing more is written",
+                "another program has changed it: it has {} bytes, and this run left {}; nothing more is \
+                 written",
                 found.length, self.file.length
             )),
+            Some(_) if self.mark.is_some_and(|(offset, bytes)| bytes_at(path, offset) != Some(bytes)) => {
+                Fate::Spoiled("another program has changed it; nothing more is written".into())
+            }
             Some(_) => Fate::Intact,
         }
     }
+}
+
+/// Eight bytes of a file; none if it cannot be read or is too short.
+fn bytes_at(path: &Path, offset: u64) -> Option<[u8; 8]> {
+    let mut bytes = [0; 8];
+    File::open(path).and_then(|file| file.read_exact_at(&mut bytes, offset)).ok()?;
+    Some(bytes)
 }
 
 impl Fate {
@@ -119,8 +142,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (path, other) = (folder.path().join("a"), folder.path().join("b"));
         let claim = Claim::stake(&Solo, &path, false, 0).unwrap();
-        std::fs::write(&path, "a run").unwrap();
-        let mut watch = Watch::new(&path).unwrap();
+        std::fs::write(&path, "mark me").unwrap();
+        let mut watch = Watch::new(&path, Some(0)).unwrap();
+        assert!(watch.mark.is_none(), "it is too short");
+        std::fs::write(&path, "mark of a run").unwrap();
+        watch = Watch::new(&path, Some(0)).unwrap();
         let mut fate = || {
             let fate = watch.fate(&path, Some(&claim));
             watch.update(&path);
@@ -128,9 +154,14 @@ mod tests {
             fate
         };
         assert_eq!(fate(), Fate::Intact);
-        std::fs::write(&path, "a longer run").unwrap();
-        assert!(matches!(fate(), Fate::Spoiled(why) if why.contains("12 bytes, and this run left 5")));
-        assert_eq!(fate(), Fate::Intact);
+        std::fs::write(&path, "mark of a longer run").unwrap();
+        assert!(matches!(fate(), Fate::Spoiled(why) if why.contains("20 bytes, and this run left 13")));
+        std::fs::write(&path, "mark of a shorter run").unwrap();
+        fate();
+        assert_eq!(fate(), Fate::Intact, "the mark is there, and the length is known");
+        std::fs::write(&path, "mask of a shorter run").unwrap();
+        assert!(matches!(fate(), Fate::Spoiled(why) if why.contains("another program has changed it;")));
+        std::fs::write(&path, "mark of a shorter run").unwrap();
         std::fs::rename(&path, &other).unwrap();
         assert_eq!(fate(), Fate::Moved("removed"));
         std::fs::write(&path, "").unwrap();

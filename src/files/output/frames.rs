@@ -300,6 +300,11 @@ impl Frames {
         self.declare()
     }
 
+    /// Where the first radius is in the file, bytes. Nothing is written there again, and it is not 0.
+    pub fn written_once(&self) -> Option<u64> {
+        self.file.dataset("VTKHDF/PointData/radius").ok()?.offset()
+    }
+
     /// How HDF5 wrote the rows of the last frame.
     pub fn transfer_report(&self) -> &str {
         &self.report

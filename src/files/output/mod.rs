@@ -184,9 +184,9 @@ pub struct Output<'a> {
 impl<'a> Output<'a> {
     /// Checks whether about `estimated_bytes` can be written to `path`. Creates nothing. Collective.
     ///
-    /// Without `force` no file may exist there, and no other process may write it. Rank 0 checks, and all ranks
-    /// return what it found: the one absolute name of the file, or an error that says what is wrong and what
-    /// would be right. A run takes it by [`Claim::stake`], which makes the same checks.
+    /// Without `force` no file may exist there, and no other process may write it. Rank 0 checks, and all
+    /// ranks return what it found: the one absolute name of the file, or an error that says what is wrong and
+    /// what would be right. A run takes it by [`Claim::stake`], which makes the same checks.
     ///
     /// # Examples
     ///
@@ -245,7 +245,8 @@ impl<'a> Output<'a> {
     }
 
     fn with(comm: &'a dyn Comm, path: &Path, frames: Frames) -> Self {
-        let watch = (comm.rank() == 0).then(|| Watch::new(path)).flatten();
+        let mark = frames.written_once();
+        let watch = (comm.rank() == 0).then(|| Watch::new(path, mark)).flatten();
         let path = path.to_path_buf();
         let pace = Pace::new(SyncEvery::Frame);
         Output { comm, path, frames: Some(frames), pace, claim: None, watch }
@@ -302,7 +303,11 @@ impl<'a> Output<'a> {
         if write {
             self.check()?;
         }
-        self.guarded(|frames| frames.append(rows, &measures, write))
+        self.guarded(|frames| frames.append(rows, &measures, write))?;
+        if write {
+            self.learn_length();
+        }
+        Ok(())
     }
 
     /// Forces all frames so far to the disk. Collective.
@@ -310,7 +315,16 @@ impl<'a> Output<'a> {
     /// A checkpoint needs this first: a run that goes on from it expects all frames before it in the file.
     pub fn sync(&mut self) -> Result<(), Error> {
         self.check_content()?;
-        self.guarded(Frames::sync)
+        self.guarded(Frames::sync)?;
+        self.learn_length();
+        Ok(())
+    }
+
+    /// Remembers the length of the file after a write, until which nobody else may change it.
+    fn learn_length(&mut self) {
+        if let Some(watch) = &mut self.watch {
+            watch.update(&self.path);
+        }
     }
 
     /// Marks the run as completed and closes the file. Collective.
@@ -369,9 +383,6 @@ impl<'a> Output<'a> {
         match work(&mut frames) {
             Ok(result) => {
                 self.frames = Some(frames);
-                if let Some(watch) = &mut self.watch {
-                    watch.update(&self.path);
-                }
                 Ok(result)
             }
             Err(why) => {

@@ -17,7 +17,8 @@ use rustix::fs::{Access, access, statvfs};
 /// Links that are followed one after the other at most, as by the system itself.
 const LINKS: usize = 40;
 
-/// The one name of the file `path` if a file of `estimated_bytes` can be written there, else the error message.
+/// The one name of the file `path` if a file of `estimated_bytes` can be written there, else the error
+/// message.
 ///
 /// An existing file is accepted only with `force`, and none that another process writes. Nothing is created.
 pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, String> {
@@ -28,11 +29,12 @@ pub fn look(path: &Path, force: bool, estimated_bytes: u64) -> Result<PathBuf, S
     check(path, &absolute, force, estimated_bytes)
 }
 
-/// Looks at `path` as [`look`] does, and takes the lock of its one writer.
+/// Makes the checks of [`look`], and takes the lock of the one writer of the file.
 pub fn lock(path: &Path, force: bool, estimated_bytes: u64) -> Result<(PathBuf, Lock), String> {
-    let absolute = look(path, force, estimated_bytes)?;
+    let absolute = only_name(path).map_err(|why| refusal(path, &why))?;
+    check(path, &absolute, true, estimated_bytes)?;
     let lock = Lock::take(&lock_file(&absolute)).map_err(|why| refusal(path, &why))?;
-    // Another run may have made the file, and ended, since the first look.
+    // Whether the file exists is certain only now that nobody else can make it.
     Ok((check(path, &absolute, force, estimated_bytes)?, lock))
 }
 
@@ -107,8 +109,8 @@ fn complaint(path: &Path, absolute: &Path, force: bool, estimated_bytes: u64) ->
 
 /// Removes the file that a run replaces.
 ///
-/// The new one is another file for whoever has the old one open, a reader or a writer. So there is never a file
-/// with frames of both, whatever becomes of locks.
+/// The new one is another file for whoever has the old one open, a reader or a writer. So there is never a
+/// file with frames of both, whatever becomes of locks.
 pub fn remove_old(path: &Path) -> Result<(), String> {
     match fs::remove_file(path) {
         Err(why) if why.kind() != ErrorKind::NotFound => {
