@@ -45,6 +45,9 @@ impl Image {
     /// The number of voxels along each axis is rounded to a whole number.
     pub fn of(frame: &FrameData, resolution: f64, ones: Phase) -> Result<Self, Error> {
         let region = frame.region();
+        if region.is_empty() {
+            return Err(Error::Input("--to raw: no sphere is inside the walls, so there is no image".into()));
+        }
         let (low, high) = region.bounds();
         let spacing = frame.radius() / resolution;
         let along = [0, 1, 2].map(|k| ((high[k] - low[k]) / spacing).round().max(1.0));

@@ -15,7 +15,8 @@ const MOST_WALLS: usize = 6;
 
 /// Positions at equal distances between `from` and `to`, in the middle of their steps.
 fn positions(from: f64, to: f64, r: f64) -> Vec<f64> {
-    let count = ((to - from) / r * SECTIONS_PER_RADIUS).ceil().clamp(1.0, MOST_SECTIONS);
+    // A whole number of sections may be a little more by rounding.
+    let count = ((to - from) / r * SECTIONS_PER_RADIUS - 1e-9).ceil().clamp(1.0, MOST_SECTIONS);
     (0..count as usize).map(|k| from + (to - from) * (k as f64 + 0.5) / count).collect()
 }
 
