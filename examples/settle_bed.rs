@@ -2,7 +2,7 @@
 //!
 //! 64 spheres fall into a box and come to rest. Then the bed is measured.
 
-use demhybrid::beds::measures::region::RegionRequest;
+use demhybrid::beds::measures::request::RegionRequest;
 use demhybrid::beds::measures::union::Spheres;
 use demhybrid::domain::Solo;
 use demhybrid::engine::simulation::{Frame, Simulation};

@@ -155,7 +155,8 @@ pub enum Error {
 
     /// No allowed step leads to a finite state at a later time.
     #[error(
-        "no step can be made from t = {} s: it fell to {} s (solver.min_step = {} s), limited by particle {i}",
+        "no step can be made from t = {} s: it fell to {} s (solver.min_step = {} s), limited by particle \
+         {i}",
         short(*t),
         rough(*h),
         short(*min_step)

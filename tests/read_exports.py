@@ -72,7 +72,7 @@ def raw():
         header = json.load(text)
     nx, ny, nz = header["shape"]
     image = np.fromfile(path, dtype=header["type"]).reshape(nz, ny, nx)
-    check(set(np.unique(image)) <= {0, 1}, "not only 0 and 1")
+    check(set(np.unique(image)) <= {0, 1}, "not only 0 and 1: the box of the scene is the whole image")
     centres = [header["origin"][k] + (np.arange(n) + 0.5) * header["spacing"][k] for k, n in enumerate((nx, ny, nz))]
     solid = np.zeros(image.shape, dtype=bool)
     for a, b, c in x:
@@ -82,6 +82,7 @@ def raw():
     wrong = np.count_nonzero(image != expected)
     # Centres on a surface may fall to either side by rounding.
     check(wrong <= 2, f"{wrong} voxels of {image.size} are wrong")
+    check(header["voxels_outside"] == 0, "voxels outside")
     check(header["share_of_ones"] == image.sum() / image.size, "another share of ones")
     check(header["time"] == time and header["frame"] == frame, "another time")
 

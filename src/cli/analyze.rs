@@ -54,6 +54,9 @@ pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
     let frames = run_file.numbers(args.frame)?;
     let last = run_file.state(frames[frames.len() - 1])?;
     let (region, words) = args.region.region().of(&run_file.scene, &centres(&last));
+    if region.is_empty() {
+        return Err(run_file.unreadable(&format!("nothing of {words} is inside the walls")));
+    }
     let folder = args.output.clone().unwrap_or_else(|| format!("{}-analysis", stem(&args.run)).into());
     let _lock = prepare(&folder, args.force)?;
 
@@ -103,10 +106,11 @@ Examples:
 Volumes are those of the union of all spheres inside the region, exact to 1e-9 of it; \
 what spheres cover several times
 is reported apart, and the paper's own count in [0, 1]^3, which counts it as often, beside it. \
-Without --box, --cylinder
-or --whole the region is the base of container.box up to the shorter side of the base, \
-or, where less than a tenth of the
-centres lie above that, up to the height below which three quarters of them lie.
+A region is what all walls enclose,
+cut by --layer, --box or --cylinder. Where the walls are open it ends with the spheres, so --whole ends at the
+bed height. Without these options it is the bed without its top: up to the least width of the bed, or, where
+less than a tenth of the centres lie above that, up to the height below which three quarters of them lie.
+Heights are above the lowest point inside all walls, against gravity.
 A contact is what pushes with more than a tenth of the weight of a particle, or another --share of it, \
 whatever the gap: the
 normal force at the positions and velocities of the frame counts. \

@@ -33,7 +33,7 @@ pub struct ExportArgs {
     #[arg(long, value_name = "N")]
     pub resolution: Option<f64>,
 
-    /// raw: phase whose voxels are 1; the others are 0 [default: solid]
+    /// raw: phase whose voxels are 1; those of the other are 0, and 2 is outside the walls [default: solid]
     #[arg(long, value_name = "PHASE")]
     pub ones: Option<Phase>,
 
@@ -135,8 +135,9 @@ Examples:
 
 raw: one byte a voxel, x fastest, then y, then z; a voxel belongs to the solid if its centre does. \
 The image fills
-container.box from its lower corner; an open top is cut at the bed height, \
-other open sides where the spheres end.
+the box along the axes around what all walls enclose, from its lower corner; an open top is cut at the bed
+height, other open sides where the spheres end. A voxel outside the walls, or above the bed height where
+gravity is oblique, is 2. Shares in the header are of the voxels that are not 2.
 Positions are in m, velocities in m/s, angular velocities in 1/s. \
 Numbers in csv, xyz, vtp and lammps read back as the
 same doubles.";

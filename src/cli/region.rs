@@ -1,22 +1,27 @@
 //! Options for the region of a bed in which volumes are measured.
 
-use crate::beds::measures::region::RegionRequest;
+use crate::beds::measures::request::RegionRequest;
 use crate::math::vector::Vec3;
 
 #[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
 #[derive(Debug, Clone, Default, PartialEq, clap::Args)]
 pub struct RegionArgs {
-    /// Measure volumes in this box instead of the bed: two corners, m
+    /// Measure volumes in what walls and this box have in common: two corners, m
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true, value_parser = box_corners)]
-    #[arg(conflicts_with_all = ["cylinder", "whole"])]
+    #[arg(conflicts_with_all = ["cylinder", "layer", "whole"])]
     pub r#box: Option<[f64; 6]>,
 
-    /// Measure volumes in this upright cylinder: its axis, radius and ends, m
+    /// Measure volumes in what walls and this cylinder along z have in common: its axis, radius and ends, m
     #[arg(long, value_name = "X,Y,RADIUS,Z0,Z1", allow_hyphen_values = true, value_parser = upright_cylinder)]
-    #[arg(conflicts_with = "whole")]
+    #[arg(conflicts_with_all = ["layer", "whole"])]
     pub cylinder: Option<[f64; 5]>,
 
-    /// Measure volumes in the whole bed: the container up to the highest point of any sphere
+    /// Measure volumes between two heights above the lowest point inside all walls, against gravity, m
+    #[arg(long, value_name = "FROM,TO", allow_hyphen_values = true, value_parser = two_heights)]
+    #[arg(conflicts_with = "whole")]
+    pub layer: Option<[f64; 2]>,
+
+    /// Measure volumes in the whole bed: all that walls enclose, up to the highest point of any sphere
     #[arg(long)]
     pub whole: bool,
 }
@@ -29,6 +34,9 @@ impl RegionArgs {
         }
         if let Some([x, y, radius, from, to]) = self.cylinder {
             return RegionRequest::Cylinder { axis: [x, y], radius, ends: [from, to] };
+        }
+        if let Some(ends) = self.layer {
+            return RegionRequest::Layer(ends);
         }
         if self.whole { RegionRequest::Whole } else { RegionRequest::Bed }
     }
@@ -59,6 +67,14 @@ fn upright_cylinder(text: &str) -> Result<[f64; 5], String> {
     }
 }
 
+fn two_heights(text: &str) -> Result<[f64; 2], String> {
+    let heights: [f64; 2] = numbers(text)?;
+    match heights[0] < heights[1] {
+        true => Ok(heights),
+        false => Err("TO must be greater than FROM".into()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -73,5 +89,7 @@ mod tests {
         assert!(box_corners("0,0,0,1,1,0").unwrap_err().contains("beyond"));
         assert!(upright_cylinder("0,0,0,0,1").unwrap_err().contains("greater than 0"));
         assert!(upright_cylinder("0,0,1,1,1").unwrap_err().contains("Z1 greater"));
+        assert_eq!(two_heights("-0.5,1"), Ok([-0.5, 1.0]));
+        assert!(two_heights("1,1").unwrap_err().contains("greater than FROM"));
     }
 }

@@ -105,10 +105,14 @@ pub fn check_memory(comm: &dyn Comm, scene: &Scene, count: u64) -> Result<(), Er
     let there = launch::physical_memory();
     if there > 0 && needed > there {
         return Err(Error::Input(format!(
-            "{count} particles need about {} on each machine, and this one has {}: fewer particles or more \
-             machines would do",
+            "{count} particles need about {} on each machine, and this one has {}: {} or more machines would \
+             do",
             digits::bytes(needed),
-            digits::bytes(there)
+            digits::bytes(there),
+            match scene.particles.grid {
+                Some(_) => "a smaller particles.grid.count",
+                None => "fewer rows of particles.file",
+            }
         )));
     }
     Ok(())

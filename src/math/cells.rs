@@ -62,7 +62,8 @@ impl Cells {
         ((wrap(2) * self.dims[1] + wrap(1)) * self.dims[0] + wrap(0)) as usize
     }
 
-    /// Calls `visit` once for the index of every point in the cell of `x` (m) and in the cells around it, in any order.
+    /// Calls `visit` once for the index of every point in the cell of `x` (m) and in the cells around it, in
+    /// any order.
     pub fn for_each_near(&self, x: &Vec3, mut visit: impl FnMut(u32)) {
         let c = self.coordinates(x);
         // Only offsets that lead to different buckets. Along an axis of one or two buckets, some of the three

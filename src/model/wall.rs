@@ -1,5 +1,6 @@
 //! Planar walls. Together they bound a convex container, which may be open on some sides.
 
+use crate::math::polyhedron::Half;
 use crate::math::vector::Vec3;
 
 /// A planar wall. Its normal points away from the particles.
@@ -34,6 +35,11 @@ impl Wall {
     /// Whether the other wall is the same plane, given that both have the same normal.
     pub fn coincides(&self, other: &Wall) -> bool {
         (self.offset - other.offset).abs() <= 1e-12 * self.offset.abs().max(1.0)
+    }
+
+    /// The points inside the wall.
+    pub fn half(&self) -> Half {
+        Half { n: self.normal, b: self.offset }
     }
 
     /// Distance of the point `x` (m) from the plane, m: positive inside the container, negative beyond the

@@ -6,7 +6,8 @@ use toml::de::{DeInteger, DeTable, DeValue};
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
 use super::stop::Stop;
-use super::{BoxSides, Checkpoint, Container, Grid, Scene};
+use super::walls::{walls, walls_without_room};
+use super::{BoxSides, Checkpoint, Container, Grid, Particles, Scene};
 use crate::error::Error;
 use crate::math::digits::{rough, short};
 use crate::model::effects::FrictionLaw;
@@ -195,8 +196,8 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
             .max_by(|(a, _), (b, _)| a.total_cmp(b))
             .map(|(_, key)| key)
     };
-    // Of the few keys of the table itself one may differ by a third of its letters. Among all others a name is
-    // meant only if it is the same but for a slip.
+    // Of the few keys of the table itself one may differ by a third of its letters. Among all others a name
+    // is meant only if it is the same but for a slip.
     const HERE: f64 = 0.6;
     const ELSEWHERE: f64 = 0.85;
     let here = nearest(&mut keys::of_table(schema), HERE);
@@ -204,6 +205,7 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
     let hint = match here.map(|key| (key, "")).or_else(|| anywhere().map(|key| (key, " elsewhere"))) {
         None => String::new(),
         Some((key, "")) => format!("did you mean {}? ", joined(shown, key.name())),
+        Some((key, _)) if key.kind == Kind::Table => format!("did you mean [{}]? ", key.path),
         Some((key, _)) if key.table().is_empty() => {
             format!("did you mean {}, which belongs above the first [table]? ", key.path)
         }
@@ -215,6 +217,7 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
 
 /// Checks how keys relate to each other.
 pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
+    one_mass(source, scene)?;
     one_source(source, scene)?;
     if let Some(sides) = &scene.container.r#box {
         box_sides(source, sides)?;
@@ -229,12 +232,40 @@ pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
             return Err(source.error(source.value(&path), &message));
         }
     }
+    room_between_walls(source, &scene.container)?;
     if let Some(grid) = &scene.particles.grid {
         room_for_grid(source, &scene.container, grid)?;
     }
     steps(source, scene)?;
     checkpoints(source, scene)?;
     frames(source, scene)
+}
+
+/// Checks that either the mass or the density of a sphere is given, and that both can be computed with.
+fn one_mass(source: &Source, scene: &Scene) -> Result<(), Error> {
+    let [mass, density] = ["particles.mass", "particles.density"].map(|path| source.key(path));
+    let Particles { mass: found, radius, .. } = scene.particles;
+    match (mass, density) {
+        (Some(mass), Some(_)) => Err(source.error(
+            Some(mass),
+            "particles.mass and particles.density contradict each other: one of them says how heavy a sphere \
+             is, e.g. mass = 1.0 (kg) or density = 2500.0 (kg/m^3)",
+        )),
+        (None, None) => Err(source.error(
+            source.key("particles"),
+            "particles.mass is missing: it is the mass of one sphere in kg, e.g. mass = 1.0, or \
+             particles.density gives it (kg/m^3), e.g. density = 2500.0",
+        )),
+        (None, Some(density)) if !found.is_normal() => Err(source.error(
+            Some(density),
+            &format!(
+                "particles.density gives spheres of {} m a mass of {found:e} kg, which no arithmetic \
+                 survives: it is the density in kg/m^3, e.g. density = 2500.0",
+                short(radius)
+            ),
+        )),
+        _ => Ok(()),
+    }
 }
 
 fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {
@@ -282,6 +313,20 @@ fn box_sides(source: &Source, sides: &BoxSides) -> Result<(), Error> {
         }
     }
     Ok(())
+}
+
+/// Checks that no wall faces another one from behind.
+fn room_between_walls(source: &Source, container: &Container) -> Result<(), Error> {
+    let Some([(_, first), (k, second)]) = walls_without_room(container) else { return Ok(()) };
+    let message = format!(
+        "{first} and {second} leave no room between them: a normal must point outward, away from the \
+         spheres, e.g. normal = [0.0, 0.0, -1.0] for a floor"
+    );
+    // Of two sides of a box one is below the other, so that the second wall is one of the list.
+    let sides = walls(container).len() - container.wall.len();
+    let path = format!("container.wall[{}]", k.saturating_sub(sides));
+    let span = source.value(&format!("{path}.normal")).or_else(|| source.value(&format!("{path}.point")));
+    Err(source.error(span.or_else(|| source.key("container.wall")), &message))
 }
 
 /// Checks that a grid has a box that is finite in x and y, with room for at least one cell.

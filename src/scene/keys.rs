@@ -89,8 +89,9 @@ pub(super) const KEYS: &[Key] = &[
              "the table of when the spheres are at rest, which ends the run", "{ kinetic_energy = 1e-6 }"),
 
     required("particles.radius", Number(Positive), "the radius r of every sphere in m", "0.1"),
-    required("particles.mass", Number(Positive),
+    optional("particles.mass", Number(Positive),
              "the mass of one sphere, 4/3 pi r^3 times its density, in kg", "1.0"),
+    optional("particles.density", Number(Positive), "the density of the spheres in kg/m^3", "2500.0"),
     optional("particles.file", Text, "the path of a CSV file with the columns x,y,z", "\"start.csv\""),
     optional("particles.grid", Table,
              "the table of the randomly perturbed grid", "{ count = 200, spacing = 0.25 }"),

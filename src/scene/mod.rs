@@ -82,8 +82,12 @@ pub struct Scene {
 pub struct Particles {
     /// Radius r of every particle, m; > 0.
     pub radius: f64,
-    /// Mass of one particle, kg; > 0.
+    /// Mass of one particle, kg; > 0. A density gives it as well.
+    #[serde(default = "left_out")]
     pub mass: f64,
+    /// Density of the particles, kg/m^3; > 0. [`Scene::parse`] turns it into the mass, and leaves `None`.
+    #[serde(default, skip_serializing)]
+    pub density: Option<f64>,
     /// CSV file with the initial condition, as the user wrote it.
     ///
     /// It is absolute or relative to the folder of the scene.
@@ -109,7 +113,8 @@ pub struct Grid {
     /// Side of a cubic cell, m; > 0, and no larger than the box in x and y. 2.5 radii if left out.
     #[serde(default = "left_out")]
     pub spacing: f64,
-    /// Upper bound of the random shift of a centre along each axis, m; >= 0. A quarter of a radius if left out.
+    /// Upper bound of the random shift of a centre along each axis, m; >= 0. A quarter of a radius if left
+    /// out.
     #[serde(default = "left_out")]
     pub jitter: f64,
     /// Height of the lower face of the first layer of cells, m. 11 radii above the floor of the box, or above
@@ -339,6 +344,7 @@ impl Scene {
         check::keys_and_values(&mut source, table.get_ref())?;
         let mut scene = Scene::deserialize(toml::Deserializer::from(table))
             .map_err(|mistake| source.error(mistake.span(), mistake.message()))?;
+        scene.fill_in_mass();
         scene.fill_in_lengths();
         scene.fill_in_output(name);
         scene.fill_in_tolerance();
@@ -379,6 +385,14 @@ impl Scene {
     /// Whether particles rotate: the scene has friction with rotation, and its coefficient is not 0.
     pub fn rotates(&self) -> bool {
         self.friction.as_ref().is_some_and(|friction| friction.rotation && friction.coefficient > 0.0)
+    }
+
+    /// A density gives the mass of a sphere.
+    fn fill_in_mass(&mut self) {
+        let Particles { radius, mass, density, .. } = &mut self.particles;
+        if let Some(density) = density.take() {
+            *mass = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3) * density;
+        }
     }
 
     /// Lengths that are left out follow from the radius: a bed of spheres of any size is the same bed.
@@ -456,6 +470,17 @@ mod tests {
         assert_eq!((scene.solver.min_step, scene.solver.max_step), (1e-9, f64::INFINITY));
         assert_eq!(scene.output.file, Some("short.vtkhdf".into()));
         assert_eq!((scene.output.interval, scene.output.sync), (Some(0.08), SyncEvery::Seconds(1.0)));
+    }
+
+    #[test]
+    fn a_density_gives_the_mass_and_is_recorded_as_such() {
+        let text = SHORT.replace("mass = 1,", "density = 2500,");
+        assert_ne!(text, SHORT);
+        let scene = Scene::parse("dense.toml", &text, &[]).unwrap();
+        // Spheres of 0.1 m.
+        assert!((scene.particles.mass - 10.471_975_511_965_978).abs() < 1e-14);
+        assert!(!scene.resolved().contains("density"));
+        assert_eq!(Scene::parse("again.toml", &scene.resolved(), &[]).unwrap(), scene);
     }
 
     #[test]

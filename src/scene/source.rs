@@ -70,11 +70,8 @@ impl<'a> Source<'a> {
             return Err(self.error(Some(span), &message));
         }
         let mut table = DeTable::parse(text).map_err(|mistake| {
-            let hint = match mistake.message() {
-                "duplicate key" => ": each key and each [table] may stand there once",
-                _ => "",
-            };
-            self.error(mistake.span(), &format!("not valid TOML: {}{hint}", mistake.message()))
+            let why = mistake.message();
+            self.error(mistake.span(), &format!("not valid TOML: {why}{}", hint(why)))
         })?;
         for set in sets {
             put(table.get_mut(), &set.words, set.parsed()).map_err(|depth| {
@@ -173,6 +170,23 @@ fn set_document(set: &str, start: usize) -> Result<SetDocument, Error> {
     let document = format!("{}v={value}", " ".repeat(offset - 2));
     let document = single_value(&document).is_some().then_some(document);
     Ok(SetDocument { words, value: offset..offset + value.len(), document, raw: value.trim().to_owned() })
+}
+
+/// What would be right where the parser complains with `why`, to be put behind it.
+fn hint(why: &str) -> &'static str {
+    let hints = [
+        ("duplicate key", ": each key and each [table] may stand there once"),
+        ("string values must be quoted", ": a number must stand without a unit, and text in quotes"),
+        (
+            "unexpected key or value",
+            ": decimals must follow a point, and numbers of a list stand in brackets",
+        ),
+        ("key with no value", ": a line must be KEY = VALUE, and a key has no blanks"),
+        ("invalid key-value pair", ": a line must be KEY = VALUE or [TABLE]"),
+        ("invalid basic string", ": text must end with the quote that it begins with"),
+        ("invalid boolean", ": it must be true or false, in lower case"),
+    ];
+    hints.iter().find(|(start, _)| why.starts_with(start)).map_or("", |(_, hint)| hint)
 }
 
 /// The bracket, brace or dot at which a text is nested too deep to be parsed; `None` if there is none.

@@ -1,6 +1,7 @@
 //! The walls of a scene: the sides of its box and the planes of `container.wall`.
 
 use crate::math::digits::{short, triple};
+use crate::math::polyhedron::{Half, lowest};
 use crate::math::vector::Vec3;
 use crate::model::wall::Wall;
 use crate::scene;
@@ -67,9 +68,59 @@ pub fn walls(container: &scene::Container) -> Vec<Wall> {
     named_walls(container).into_iter().map(|(wall, ..)| wall).collect()
 }
 
+/// The unit vector against `gravity` (m/s^2); z without gravity.
+pub fn upwards(gravity: &Vec3) -> Vec3 {
+    (-gravity).try_normalize(0.0).unwrap_or(Vec3::z())
+}
+
+/// The height (m) from which heights are measured, along the unit vector `up` from the origin.
+///
+/// It is the lowest point inside all walls; that of the origin where the walls leave the bottom open.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::wall::Wall;
+/// use demhybrid::scene::walls::ground;
+///
+/// let floor = Wall::new(Vec3::new(0.0, 0.0, -3.0), -Vec3::z());
+/// assert_eq!(ground(&[floor], &Vec3::z()), -3.0);
+/// assert_eq!(ground(&[floor], &Vec3::x()), 0.0); // nothing is below
+/// ```
+pub fn ground(walls: &[Wall], up: &Vec3) -> f64 {
+    let halves: Vec<Half> = walls.iter().map(Wall::half).collect();
+    lowest(&halves, up).unwrap_or(0.0)
+}
+
+/// Two walls that face each other from behind, so that nothing is inside of both: index and name of each.
+pub(super) fn walls_without_room(container: &scene::Container) -> Option<[(usize, String); 2]> {
+    let walls = described_walls(container);
+    let origin = Vec3::zeros();
+    // The room between two planes with opposite normals is the sum of the depths of any point.
+    let no_room = |a: &Wall, b: &Wall| {
+        (a.normal + b.normal).norm() < 1e-12 && a.depth(&origin) + b.depth(&origin) <= 0.0
+    };
+    walls.iter().enumerate().find_map(|(k, (b, second))| {
+        let (j, (_, first)) = walls[..k].iter().enumerate().find(|(_, (a, _))| no_room(a, b))?;
+        Some([(j, first.clone()), (k, second.clone())])
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn walls_that_face_each_other_from_behind_leave_no_room() {
+        let plane = |z, up| scene::WallPlane { point: [0.5, 0.5, z], normal: [0.0, 0.0, up] };
+        let of = |wall: Vec<scene::WallPlane>| {
+            walls_without_room(&scene::Container { r#box: None, wall }).map(|pair| pair.map(|(k, _)| k))
+        };
+        assert_eq!(of(vec![plane(0.0, -1.0), plane(1.0, 2.0)]), None);
+        assert_eq!(of(vec![plane(2.0, -1.0), plane(1.0, 2.0)]), Some([0, 1]));
+        assert_eq!(of(vec![plane(0.0, -1.0), plane(1.0, -1.0), plane(1.0, 1.0)]), Some([1, 2]));
+    }
 
     #[test]
     fn open_sides_have_no_wall() {

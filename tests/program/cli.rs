@@ -367,7 +367,7 @@ fn bad_inputs_are_one_message_on_two_ranks() {
         // So many are allowed, where there is memory for them.
         (
             &[&quick, "--set", "particles.grid.count=1000000000"],
-            ["1000000000 particles need about", "fewer particles"],
+            ["1000000000 particles need about", "a smaller particles.grid.count"],
         ),
     ] {
         let ended = Job::on(2, folder.path(), arguments).run().with_code(2);

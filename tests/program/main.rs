@@ -19,6 +19,7 @@ mod mpi;
 mod mpirun;
 mod python;
 mod readers;
+mod regions;
 mod render;
 mod restart;
 mod streams;

@@ -26,7 +26,8 @@ const ROTATION: &str = "[friction]\ncoefficient = 0.2\nregularization_velocity =
 /// A scene with the contacts of settle.toml and the particles of start.csv beside it.
 fn scene(t_end: f64, interval: f64, container: &str, friction: &str) -> String {
     format!(
-        "t_end = {t_end}\ngravity = [0.0, 0.0, -9.81]\nparticles = {{ radius = 0.1, mass = 1, file = \"start.csv\" }}\n\
+        "t_end = {t_end}\ngravity = [0.0, 0.0, -9.81]\n\
+         particles = {{ radius = 0.1, mass = 1, file = \"start.csv\" }}\n\
          container = {container}\noutput.interval = {interval}\n{CONTACT}{friction}"
     )
 }

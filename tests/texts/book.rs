@@ -107,10 +107,16 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
     let resolved: toml::Table = scene.resolved().parse().unwrap();
     // What a scene cannot say in TOML: computed, drawn, or absent.
     let in_words = BTreeMap::from([
+        ("container.box.max", "10 radii in x and y, inf"),
         ("output.file", "name of the scene"),
         ("output.interval", "t_end/100"),
+        ("particles.density", "none; this or `particles.mass`"),
+        ("particles.mass", "none; this or `particles.density`"),
         ("particles.file", "none; this or `particles.grid`"),
+        ("particles.grid.bottom", "11 radii above the floor"),
+        ("particles.grid.jitter", "radius/4"),
         ("particles.grid.seed", "drawn"),
+        ("particles.grid.spacing", "2.5 radii"),
         ("friction.regularization_velocity", "none; required by `regularized`"),
         ("friction.stiffness_ratio", "0.5"),
         ("friction.damping", "1"),

@@ -11,7 +11,8 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 
-use crate::beds::measures::region;
+use crate::beds::measures::region::Region;
+use crate::beds::measures::request::RegionRequest;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
 use crate::math::vector::Vec3;
@@ -52,9 +53,9 @@ impl Format {
 /// A phase of the voxel image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Phase {
-    /// Inside a sphere or beyond a plane of container.wall
+    /// Inside a sphere
     Solid,
-    /// Everything else
+    /// Everything else inside all walls, up to the bed height where they leave the top open
     Pore,
 }
 
@@ -113,13 +114,18 @@ impl FrameData<'_> {
         self.state.x.iter().map(|&x| x.into()).collect()
     }
 
+    /// All that the walls enclose, up to the bed height where they leave the top open.
+    fn region(&self) -> Region {
+        RegionRequest::Whole.of(self.scene, &self.centres()).0
+    }
+
     /// A box that contains all centres, as its lower and upper corner, m.
     ///
-    /// It is the container's box if that contains all centres.
+    /// It is the smallest one around the region, if that contains all centres.
     fn cell(&self) -> (Vec3, Vec3) {
         let x = self.centres();
         let r = self.radius();
-        let (low, high) = region::container_box(self.scene, &x);
+        let (low, high) = self.region().bounds();
         x.iter().fold((low, high), |(low, high), x| {
             let outside = |k: usize| x[k] <= low[k] || x[k] >= high[k];
             let margin = Vec3::from_fn(|k, _| if outside(k) { r } else { 0.0 });
@@ -177,13 +183,13 @@ pub fn write(run: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<Pat
             }
             Format::Raw => {
                 let image = image(options, &frame)?;
-                let mut ones = 0;
+                let mut counts = raw::Counts::default();
                 out.write(|out| {
-                    ones = image.write(&frame, out)?;
+                    counts = image.write(&frame, out)?;
                     Ok(())
                 })?;
                 let header = header_of(&targets[number]);
-                let text = image.header(&frame, &targets[number], ones);
+                let text = image.header(&frame, &targets[number], &counts);
                 let mut file = File::create(&header, options.force)?;
                 file.write(|out| out.write_all(text.as_bytes()))?;
                 file.finish()?;

@@ -1,20 +1,35 @@
 //! A voxel image of pore and solid, in a form that pore-scale solvers read.
+//!
+//! The image is a box along the axes around the region. A voxel outside the region has a value of its own, so
+//! that the porosity of the image is that of the region.
 
 use std::io::{self, Write};
 use std::path::Path;
 
 use super::{FrameData, Phase};
-use crate::beds::measures::region;
+use crate::beds::measures::region::Region;
 use crate::error::Error;
 use crate::math::vector::Vec3;
-use crate::model::wall::Wall;
 
 /// Largest number of voxels in an image.
 const MOST_VOXELS: f64 = 1e10;
 
-/// The grid of the voxels, and the phase that is 1.
+/// Value of a voxel outside the region, which is neither pore nor solid.
+const OUTSIDE: u8 = 2;
+
+/// How many voxels an image has of each kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Voxels that are 1.
+    ones: u64,
+    /// Voxels in the region.
+    inside: u64,
+}
+
+/// The region and the grid of the voxels, and the phase that is 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
+    region: Region,
     /// Numbers of voxels along x, y and z.
     shape: [usize; 3],
     /// Side of a voxel, m.
@@ -25,11 +40,12 @@ pub struct Image {
 }
 
 impl Image {
-    /// The image of the container's box, with `resolution` voxels per radius.
+    /// The image of all that the walls enclose, with `resolution` voxels per radius.
     ///
     /// The number of voxels along each axis is rounded to a whole number.
     pub fn of(frame: &FrameData, resolution: f64, ones: Phase) -> Result<Self, Error> {
-        let (low, high) = region::container_box(frame.scene, &frame.centres());
+        let region = frame.region();
+        let (low, high) = region.bounds();
         let spacing = frame.radius() / resolution;
         let along = [0, 1, 2].map(|k| ((high[k] - low[k]) / spacing).round().max(1.0));
         let voxels: f64 = along.iter().product();
@@ -41,7 +57,7 @@ impl Image {
                 along[0], along[1], along[2]
             )));
         }
-        Ok(Image { shape: along.map(|n| n as usize), spacing, origin: low, ones })
+        Ok(Image { region, shape: along.map(|n| n as usize), spacing, origin: low, ones })
     }
 
     fn centre(&self, axis: usize, k: usize) -> f64 {
@@ -56,17 +72,13 @@ impl Image {
         voxel(x - distance).min(self.shape[axis])..voxel(x + distance).saturating_add(1).min(self.shape[axis])
     }
 
-    /// Writes the voxels layer by layer, with x fastest; returns the number of voxels that are 1.
-    pub fn write(&self, frame: &FrameData, out: &mut dyn Write) -> io::Result<u64> {
+    /// Writes the voxels layer by layer, with x fastest, and counts them.
+    pub fn write(&self, frame: &FrameData, out: &mut dyn Write) -> io::Result<Counts> {
         let [nx, ny, nz] = self.shape;
         let r = frame.radius();
-        let planes: Vec<Wall> = frame
-            .scene
-            .container
-            .wall
-            .iter()
-            .map(|wall| Wall::new(wall.point.into(), wall.normal.into()))
-            .collect();
+        let halves = self.region.halves();
+        // A centre on a plane may fall beyond it by rounding.
+        let tiny = 1e-9 * self.spacing;
         let mut spheres_from = vec![Vec::new(); nz];
         let mut last_of = Vec::with_capacity(frame.state.x.len());
         for (id, x) in frame.state.x.iter().enumerate() {
@@ -79,7 +91,7 @@ impl Image {
         let solid = u8::from(self.ones == Phase::Solid);
         let mut layer = vec![0; nx * ny];
         let mut active: Vec<usize> = Vec::new();
-        let mut ones = 0;
+        let mut counts = Counts::default();
         for (k, starting) in spheres_from.iter().enumerate() {
             active.retain(|&id| last_of[id] > k);
             active.extend(starting);
@@ -97,23 +109,39 @@ impl Image {
                     }
                 }
             }
-            for plane in &planes {
-                for (voxel, value) in layer.iter_mut().enumerate() {
-                    let at = Vec3::new(self.centre(0, voxel % nx), self.centre(1, voxel / nx), z);
-                    if plane.depth(&at) < 0.0 {
-                        *value = solid;
+            for j in 0..ny {
+                // The voxels of a row that are in the region are next to each other.
+                let row = &mut layer[j * nx..(j + 1) * nx];
+                let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+                let start = Vec3::new(0.0, self.centre(1, j), z);
+                for half in &halves {
+                    let room = tiny - half.beyond(&start);
+                    if half.n.x > 1e-14 {
+                        to = to.min(room / half.n.x);
+                    } else if half.n.x < -1e-14 {
+                        from = from.max(room / half.n.x);
+                    } else if room < 0.0 {
+                        to = f64::NEG_INFINITY;
                     }
                 }
+                for (i, value) in row.iter_mut().enumerate() {
+                    let x = self.centre(0, i);
+                    if x < from || x > to {
+                        *value = OUTSIDE;
+                    }
+                }
+                counts.ones += row.iter().filter(|&&value| value == 1).count() as u64;
+                counts.inside += row.iter().filter(|&&value| value != OUTSIDE).count() as u64;
             }
-            ones += layer.iter().map(|&value| u64::from(value)).sum::<u64>();
             out.write_all(&layer)?;
         }
-        Ok(ones)
+        Ok(counts)
     }
 
     /// The header as JSON.
-    pub fn header(&self, frame: &FrameData, image: &Path, ones: u64) -> String {
-        let voxels = self.shape.iter().product::<usize>() as f64;
+    pub fn header(&self, frame: &FrameData, image: &Path, counts: &Counts) -> String {
+        let voxels = self.shape.iter().product::<usize>() as u64;
+        let share = counts.ones as f64 / counts.inside as f64;
         let header = serde_json::json!({
             "file": image.file_name().unwrap_or_default().to_string_lossy(),
             "shape": self.shape,
@@ -125,7 +153,11 @@ impl Image {
             "type": "uint8",
             "one": self.ones.name(),
             "zero": if self.ones == Phase::Solid { Phase::Pore } else { Phase::Solid }.name(),
-            "share_of_ones": ones as f64 / voxels,
+            "two": "outside the region, which walls and the bed height enclose: neither pore nor solid",
+            "voxels_outside": voxels - counts.inside,
+            "share_of_ones": share,
+            "porosity": if self.ones == Phase::Pore { share } else { 1.0 - share },
+            "region_volume": self.region.volume(),
             "radius": frame.radius(),
             "frame": frame.state.frame,
             "time": frame.state.time,

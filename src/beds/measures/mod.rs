@@ -1,15 +1,21 @@
 //! Measures of a packed bed. The count of the paper is here; the exact volume is in [`union`].
 
-pub mod bed;
+#[cfg(test)]
+pub mod columns;
 pub mod contacts;
 pub mod flat;
+pub mod profiles;
+mod quadrature;
+pub mod radial;
 pub mod rattlers;
 pub mod reference_force;
 pub mod region;
+pub mod request;
 pub mod row;
-pub mod structure;
 #[cfg(test)]
 pub mod testing;
+#[cfg(test)]
+mod turned_tests;
 pub mod union;
 
 use crate::math::vector::Vec3;
@@ -20,7 +26,7 @@ const CELLS: usize = 100;
 /// Volume fraction of solids in the unit cube [0, 1]^3, counted like the program of the paper (Fig. 4.3).
 ///
 /// A sphere of radius `r` (m) scores one hit for each cell of a 100^3 grid whose centre it covers. Overlaps
-/// count twice, so the fraction of the union, [`bed::union_volume_fraction`], is smaller.
+/// count twice, so the fraction of the union, [`union::Spheres::volumes`], is smaller.
 ///
 /// # Examples
 ///

@@ -4,7 +4,8 @@ use serde::Serialize;
 
 use super::contacts::{Contact, Contacts, Partner, between_spheres};
 use super::rattlers::{fewest_that_hold, mean_coordination, rattlers};
-use super::union::{Region, Spheres};
+use super::region::{Region, Upright};
+use super::union::Spheres;
 use crate::files::run_file::State;
 use crate::math::vector::Vec3;
 use crate::scene::Scene;
@@ -15,8 +16,8 @@ use crate::scene::Scene;
 ///
 /// ```rust
 /// use demhybrid::beds::measures::contacts::SHARE;
+/// use demhybrid::beds::measures::region::Region;
 /// use demhybrid::beds::measures::row::Row;
-/// use demhybrid::beds::measures::union::Region;
 /// use demhybrid::files::run_file::State;
 /// use demhybrid::math::vector::Vec3;
 /// use demhybrid::scene::Scene;
@@ -30,7 +31,7 @@ use crate::scene::Scene;
 ///     v: vec![[0.0; 3]; 2],
 ///     omega: None,
 /// };
-/// let region = Region::Box { low: Vec3::zeros(), high: Vec3::new(0.75, 0.75, 0.5) };
+/// let region = Region::cuboid(Vec3::zeros(), Vec3::new(0.75, 0.75, 0.5));
 /// let row = Row::of(&scene, &state, &region, SHARE);
 /// assert_eq!((row.contacts, row.wall_contacts), (1, 1));
 /// assert!((row.bed_height - 0.397).abs() < 1e-12); // m
@@ -53,7 +54,7 @@ pub struct Row {
     pub paper_count_in_unit_cube: Option<f64>,
     /// Share of the unit cube that spheres cover; `None` if no sphere is in it.
     pub volume_fraction_in_unit_cube: Option<f64>,
-    /// A contact pushes with more than this, N: a share of a [`Reference`](super::reference_force::Reference).
+    /// A contact pushes with more than this share of a [`Reference`](super::reference_force::Reference), N.
     pub contact_threshold: f64,
     /// Mean number of spheres that a sphere is in contact with.
     pub mean_coordination: f64,
@@ -79,7 +80,9 @@ pub struct Row {
     pub mean_overlap: f64,
     /// Largest overlap with a sphere or a wall, m.
     pub largest_overlap: f64,
-    /// Highest point of any sphere, m.
+    /// Height of the highest point of any sphere above the lowest point inside all walls, against gravity, m.
+    ///
+    /// Where the walls leave the bottom open, it is measured from the origin.
     pub bed_height: f64,
 }
 
@@ -137,7 +140,7 @@ impl Row {
             wall_overlaps: overlapping.len() - overlaps,
             mean_overlap: share(between_spheres(overlapping).map(|contact| contact.overlap).sum(), overlaps),
             largest_overlap: largest(overlapping, |contact| contact.overlap),
-            bed_height: x.iter().map(|x| x.z + r).fold(f64::NEG_INFINITY, f64::max),
+            bed_height: top(&Upright::of(scene), &x) + r,
         }
     }
 }
@@ -151,9 +154,14 @@ pub fn centres(state: &State) -> Vec<Vec3> {
     state.x.iter().map(|&x| x.into()).collect()
 }
 
+/// Height of the highest centre above the ground, m.
+fn top(upright: &Upright, x: &[Vec3]) -> f64 {
+    x.iter().map(|x| upright.height(x)).fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// The unit cube, in which the paper counts.
 fn unit_cube() -> Region {
-    Region::Box { low: Vec3::zeros(), high: Vec3::repeat(1.0) }
+    Region::cuboid(Vec3::zeros(), Vec3::repeat(1.0))
 }
 
 /// Volume fractions in the unit cube: the count of the paper, and the exact share of the union.

@@ -1,4 +1,4 @@
-//! The volume of the union of equal spheres inside a box or a cylinder, accurate to almost all digits.
+//! The volume of the union of equal spheres inside a region, accurate to almost all digits.
 //!
 //! A point inside several spheres belongs to the one with the nearest centre. The part of a sphere is
 //! therefore a ball that half-spaces cut. Their planes are half-way to the spheres that it overlaps, or
@@ -9,137 +9,32 @@
 //! exact, see [`super::flat`].
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::num::NonZeroUsize;
-use std::sync::OnceLock;
 
-use gauss_quad::GaussLegendre;
 use rayon::prelude::*;
 
 use super::flat::Flat;
+use super::quadrature::integral;
+use super::region::{Pillar, Region, cut_section};
 use crate::engine::neighbors::{Key, Lists};
+use crate::math::polyhedron::Half;
 use crate::math::vector::Vec3;
 
 /// Largest error of the volume of a ball, in r^3. It is far above rounding and far below any measured effect.
 const TOLERANCE: f64 = 1e-11;
-/// Largest number of times that a range of heights is halved.
-const HALVINGS: u32 = 12;
-
-/// A half-space: the points x with n . x <= b.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Half {
-    /// Outward unit normal.
-    pub n: Vec3,
-    /// Distance of the plane from the origin along `n`, m.
-    pub b: f64,
-}
-
-/// A part of space with a known volume.
-///
-/// # Examples
-///
-/// ```rust
-/// use demhybrid::beds::measures::union::Region;
-/// use demhybrid::math::vector::Vec3;
-///
-/// let tube = Region::Cylinder { axis: [0.0, 0.0], radius: 0.5, ends: [0.0, 2.0] };
-/// assert!((tube.volume() - std::f64::consts::PI / 2.0).abs() < 1e-15); // m^3
-/// assert!(tube.holds(&Vec3::new(0.3, 0.3, 1.0)) && !tube.holds(&Vec3::new(0.4, 0.4, 1.0)));
-/// assert_eq!(tube.section(0, 0.0), 2.0); // m^2, through the axis
-/// ```
-#[derive(Debug, Clone, PartialEq)]
-pub enum Region {
-    /// A box.
-    Box {
-        /// Lower corner, m.
-        low: Vec3,
-        /// Upper corner, m.
-        high: Vec3,
-    },
-    /// An upright cylinder.
-    Cylinder {
-        /// Axis, x and y, m.
-        axis: [f64; 2],
-        /// Radius, m.
-        radius: f64,
-        /// Lower and upper end, m.
-        ends: [f64; 2],
-    },
-}
-
-impl Region {
-    /// Volume, m^3.
-    pub fn volume(&self) -> f64 {
-        match self {
-            Region::Box { low, high } => (high - low).iter().product(),
-            Region::Cylinder { radius, ends, .. } => PI * radius * radius * (ends[1] - ends[0]),
-        }
-    }
-
-    /// Lower and upper corner of the smallest box around the region, m.
-    pub fn bounds(&self) -> (Vec3, Vec3) {
-        match *self {
-            Region::Box { low, high } => (low, high),
-            Region::Cylinder { axis: [x, y], radius, ends } => {
-                (Vec3::new(x - radius, y - radius, ends[0]), Vec3::new(x + radius, y + radius, ends[1]))
-            }
-        }
-    }
-
-    /// Area of the section with the plane on which coordinate `axis` has the value `at` (m), m^2.
-    pub fn section(&self, axis: usize, at: f64) -> f64 {
-        let (low, high) = self.bounds();
-        if at < low[axis] || at > high[axis] {
-            return 0.0;
-        }
-        let sides = high - low;
-        match *self {
-            Region::Cylinder { radius, .. } if axis == 2 => PI * radius * radius,
-            Region::Cylinder { axis: middle, radius, ends } => {
-                2.0 * (radius.powi(2) - (at - middle[axis]).powi(2)).max(0.0).sqrt() * (ends[1] - ends[0])
-            }
-            Region::Box { .. } => sides[(axis + 1) % 3] * sides[(axis + 2) % 3],
-        }
-    }
-
-    /// Whether `x` (m) is inside.
-    pub fn holds(&self, x: &Vec3) -> bool {
-        self.halves().iter().all(|half| half.n.dot(x) <= half.b)
-            && self.pillar().is_none_or(|(axis, radius)| (x.x - axis[0]).hypot(x.y - axis[1]) <= radius)
-    }
-
-    fn halves(&self) -> Vec<Half> {
-        let (low, high) = self.bounds();
-        let axes = match self {
-            Region::Box { .. } => 0..3,
-            Region::Cylinder { .. } => 2..3,
-        };
-        let side = |axis: usize| {
-            let n = Vec3::from_fn(|k, _| if k == axis { 1.0 } else { 0.0 });
-            [Half { n, b: high[axis] }, Half { n: -n, b: -low[axis] }]
-        };
-        axes.flat_map(side).collect()
-    }
-
-    fn pillar(&self) -> Option<([f64; 2], f64)> {
-        match *self {
-            Region::Box { .. } => None,
-            Region::Cylinder { axis, radius, .. } => Some((axis, radius)),
-        }
-    }
-}
 
 /// Spheres, each with the planes half-way to the spheres that it overlaps.
 ///
 /// # Examples
 ///
 /// ```rust
-/// use demhybrid::beds::measures::union::{Region, Spheres};
+/// use demhybrid::beds::measures::region::Region;
+/// use demhybrid::beds::measures::union::Spheres;
 /// use demhybrid::math::vector::Vec3;
 /// use std::f64::consts::PI;
 ///
 /// // Two spheres overlap by a lens: two caps of height h = 0.25 m.
 /// let centres = [Vec3::zeros(), Vec3::new(1.5, 0.0, 0.0)];
-/// let all = Region::Box { low: Vec3::repeat(-3.0), high: Vec3::repeat(3.0) };
+/// let all = Region::cuboid(Vec3::repeat(-3.0), Vec3::repeat(3.0));
 /// let volumes = Spheres::new(&centres, 1.0).volumes(&all);
 /// let cap = PI * 0.25 * 0.25 * (3.0 - 0.25) / 3.0;
 /// assert!((volumes.spheres - 8.0 / 3.0 * PI).abs() < 1e-12); // m^3
@@ -186,23 +81,22 @@ impl<'a> Spheres<'a> {
 
     /// Volumes inside `region`. The result has the same bits for any number of threads.
     pub fn volumes(&self, region: &Region) -> Volumes {
-        let bounds = region.halves();
+        let halves = region.halves();
         let pillar = region.pillar();
-        let (low, high) = region.bounds();
         let each: Vec<[f64; 2]> = (0..self.x.len())
             .into_par_iter()
             .map(|i| {
                 let x = &self.x[i];
-                if (0..3).any(|k| x[k] + self.r <= low[k] || x[k] - self.r >= high[k]) {
+                if region.body().faces.is_empty() || halves.iter().any(|half| half.beyond(x) >= self.r) {
                     return [0.0; 2];
                 }
-                let whole = Ball::new(x, self.r, bounds.iter(), pillar).volume();
+                let whole = Ball::new(x, self.r, halves.iter(), pillar).volume();
                 let own = if self.duplicate[i] {
                     0.0
                 } else if self.cuts[i].is_empty() {
                     whole
                 } else {
-                    Ball::new(x, self.r, bounds.iter().chain(&self.cuts[i]), pillar).volume()
+                    Ball::new(x, self.r, halves.iter().chain(&self.cuts[i]), pillar).volume()
                 };
                 [own, whole]
             })
@@ -211,20 +105,36 @@ impl<'a> Spheres<'a> {
         Volumes { union: sum(0), spheres: sum(1), region: region.volume() }
     }
 
-    /// Area of the section of the union inside `region` with the plane on which coordinate `axis` has the
-    /// value `at` (m), m^2.
-    pub fn section(&self, region: &Region, axis: usize, at: f64) -> f64 {
-        let bounds = region.halves();
-        let mut flat = Flat::default();
-        let mut area = 0.0;
-        for (i, x) in self.x.iter().enumerate() {
-            let height = at - x[axis];
-            if height.abs() < self.r && !self.duplicate[i] {
-                let ball = Ball::new(x, self.r, bounds.iter().chain(&self.cuts[i]), region.pillar());
-                area += ball.section(axis, height, &mut flat);
+    /// Areas (m^2) of sections of the union with planes across the unit vector `n`, at distances `at` (m)
+    /// from the origin along it. `halves(k)` and `pillar` bound the k-th section.
+    ///
+    /// The result has the same bits for any number of threads.
+    pub fn sections(
+        &self,
+        n: &Vec3,
+        at: &[f64],
+        halves: impl Fn(usize) -> Vec<Half> + Sync,
+        pillar: Option<Pillar>,
+    ) -> Vec<f64> {
+        let mut along: Vec<(f64, usize)> =
+            (0..self.x.len()).filter(|&i| !self.duplicate[i]).map(|i| (n.dot(&self.x[i]), i)).collect();
+        along.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let area = |k: usize| {
+            let halves = halves(k);
+            let from = along.partition_point(|(place, _)| *place <= at[k] - self.r);
+            let to = along.partition_point(|(place, _)| *place < at[k] + self.r);
+            let mut flat = Flat::default();
+            let mut area = 0.0;
+            for &(place, i) in along.get(from..to).unwrap_or_default() {
+                let x = &self.x[i];
+                if halves.iter().all(|half| half.beyond(x) < self.r) {
+                    let ball = Ball::new(x, self.r, halves.iter().chain(&self.cuts[i]), pillar);
+                    area += ball.section(n, at[k] - place, &mut flat);
+                }
             }
-        }
-        area
+            area
+        };
+        (0..at.len()).into_par_iter().map(area).collect()
     }
 }
 
@@ -287,18 +197,13 @@ pub fn for_each_pair(x: &[Vec3], cutoff: f64, visit: impl FnMut([usize; 2])) {
 struct Ball {
     r: f64,
     halves: Vec<Half>,
-    pillar: Option<([f64; 2], f64)>,
+    pillar: Option<Pillar>,
     empty: bool,
 }
 
 impl Ball {
-    fn new<'h>(
-        x: &Vec3,
-        r: f64,
-        halves: impl Iterator<Item = &'h Half>,
-        pillar: Option<([f64; 2], f64)>,
-    ) -> Self {
-        let local = halves.map(|half| Half { n: half.n, b: half.b - half.n.dot(x) });
+    fn new<'h>(x: &Vec3, r: f64, halves: impl Iterator<Item = &'h Half>, pillar: Option<Pillar>) -> Self {
+        let local = halves.map(|half| half.moved(&-x));
         let halves: Vec<Half> = local.filter(|half| half.b < r).collect();
         let pillar = pillar.map(|(axis, radius)| ([axis[0] - x.x, axis[1] - x.y], radius));
         let away = |axis: [f64; 2]| axis[0].hypot(axis[1]);
@@ -330,9 +235,9 @@ impl Ball {
                 // with the sine `s`.
                 let mut area = |s: f64| {
                     let (sine, cosine) = (FRAC_PI_2 * s).sin_cos();
-                    half * FRAC_PI_2 * cosine * self.section(2, middle + half * sine, &mut flat)
+                    half * FRAC_PI_2 * cosine * self.section(&Vec3::z(), middle + half * sine, &mut flat)
                 };
-                integral(&mut area, [-1.0, 1.0], TOLERANCE * r.powi(3) / heights.len() as f64, HALVINGS)
+                integral(&mut area, [-1.0, 1.0], TOLERANCE * r.powi(3) / heights.len() as f64)
             })
             .sum()
     }
@@ -407,45 +312,14 @@ impl Ball {
         found
     }
 
-    /// Area of the section with the plane on which coordinate `axis` has the value `at` (m), m^2.
-    fn section(&self, axis: usize, at: f64, flat: &mut Flat) -> f64 {
-        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    /// Area of the section with the plane across the unit vector `n`, at the distance `at` (m) from the
+    /// centre along it, m^2.
+    fn section(&self, n: &Vec3, at: f64, flat: &mut Flat) -> f64 {
         flat.clear();
         flat.within([0.0; 2], (self.r * self.r - at * at).max(0.0).sqrt());
-        for half in &self.halves {
-            flat.below([half.n[u], half.n[v]], half.b - half.n[axis] * at);
-        }
-        match self.pillar {
-            Some((middle, radius)) if axis == 2 => flat.within(middle, radius),
-            Some((middle, radius)) => {
-                let half = radius.powi(2) - (at - middle[axis]).powi(2);
-                let across = 1 - axis;
-                let half = if half > 0.0 { half.sqrt() } else { f64::NEG_INFINITY };
-                for sign in [1.0, -1.0] {
-                    let n = [u, v].map(|k| if k == across { sign } else { 0.0 });
-                    flat.below(n, sign * middle[across] + half);
-                }
-            }
-            None => {}
-        }
+        cut_section(flat, n, &(n * at), &self.halves, self.pillar);
         if self.empty { 0.0 } else { flat.area() }
     }
-}
-
-/// Integral of `f` from `a` to `b`. The range is halved until two rules agree.
-fn integral(f: &mut dyn FnMut(f64) -> f64, [a, b]: [f64; 2], tolerance: f64, halvings: u32) -> f64 {
-    static RULES: OnceLock<[GaussLegendre; 2]> = OnceLock::new();
-    let [coarse, fine] = RULES
-        .get_or_init(|| [6, 12].map(|n| GaussLegendre::new(NonZeroUsize::new(n).expect("neither is 0"))));
-    let rough = coarse.integrate(a, b, &mut *f);
-    let sum = fine.integrate(a, b, &mut *f);
-    // The finer rule is far more accurate than the difference of the two.
-    if halvings == 0 || (sum - rough).abs() <= 1e3 * tolerance {
-        return sum;
-    }
-    let middle = (a + b) / 2.0;
-    integral(f, [a, middle], tolerance / 2.0, halvings - 1)
-        + integral(f, [middle, b], tolerance / 2.0, halvings - 1)
 }
 
 #[cfg(test)]

@@ -1,15 +1,15 @@
 //! Tests of volumes of unions, against exact values and against the columns of
-//! [`crate::beds::measures::bed`].
+//! [`crate::beds::measures::columns`].
 
 use super::*;
-use crate::beds::measures::bed::union_volume_fraction;
+use crate::beds::measures::columns::union_volume_fraction;
 use rand::{RngExt, SeedableRng};
 
 const R: f64 = 0.1;
 const SPHERE: f64 = 4.0 / 3.0 * PI * R * R * R;
 
 fn cube(low: f64, high: f64) -> Region {
-    Region::Box { low: Vec3::repeat(low), high: Vec3::repeat(high) }
+    Region::cuboid(Vec3::repeat(low), Vec3::repeat(high))
 }
 
 /// Points of the cubic lattice of the given spacing, `per_side` along each axis, the first at `start`.
@@ -39,6 +39,11 @@ fn fraction(x: &[Vec3], region: &Region) -> f64 {
     volumes.union / volumes.region
 }
 
+/// Area of the section of the union across `n` at the distance `at` (m) from the origin, m^2.
+fn section(spheres: &Spheres, region: &Region, n: &Vec3, at: f64) -> f64 {
+    spheres.sections(n, &[at], |_| region.halves(), region.pillar())[0]
+}
+
 /// Volume of the intersection of two spheres whose centres are `d` (m) apart, m^3.
 fn lens(d: f64) -> f64 {
     PI * (4.0 * R + d) * (2.0 * R - d).powi(2) / 12.0
@@ -53,7 +58,7 @@ fn lattices_have_their_fractions_wherever_the_box_cuts_them() {
     let (x, cell) = face_centred();
     for shift in [0.0, 0.037, 0.05] {
         let low = Vec3::new(shift, 2.0 * shift, 3.0 * shift);
-        let region = Region::Box { low, high: low + Vec3::repeat(2.0 * cell) };
+        let region = Region::cuboid(low, low + Vec3::repeat(2.0 * cell));
         near(fraction(&x, &region), PI / 18f64.sqrt(), 1e-11);
     }
     // A body-centred lattice with overlaps along the diagonals. Each sphere loses 8 caps.
@@ -82,16 +87,16 @@ fn two_overlapping_spheres_are_cut_by_a_box_exactly() {
             let pair = [Vec3::repeat(0.5), Vec3::repeat(0.5) + direction];
             let mut low = Vec3::zeros();
             low[side] = 0.5;
-            let mut region = Region::Box { low, high: Vec3::repeat(1.0) };
+            let mut region = Region::cuboid(low, Vec3::repeat(1.0));
             near(Spheres::new(&pair, R).volumes(&region).union, SPHERE - lens(d) / 2.0, 1e-14);
             low[3 - axis - side] = 0.5;
-            region = Region::Box { low, high: Vec3::repeat(1.0) };
+            region = Region::cuboid(low, Vec3::repeat(1.0));
             near(Spheres::new(&pair, R).volumes(&region).union, SPHERE / 2.0 - lens(d) / 4.0, 1e-14);
         }
         // A plane across the line of the centres, through the first centre. Half of the first sphere remains.
         // The second one loses the lens, and its part below the plane, which the first one covers there.
         let pair = [Vec3::repeat(0.5), Vec3::new(0.5, 0.5, 0.5 + d)];
-        let region = Region::Box { low: Vec3::new(0.0, 0.0, 0.5), high: Vec3::repeat(1.0) };
+        let region = Region::cuboid(Vec3::new(0.0, 0.0, 0.5), Vec3::repeat(1.0));
         let below = if d < R { PI * (R - d).powi(2) * (2.0 * R + d) / 3.0 } else { 0.0 };
         let exact = SPHERE / 2.0 + (SPHERE - below) - (lens(d) - below);
         near(Spheres::new(&pair, R).volumes(&region).union, exact, 1e-14);
@@ -111,29 +116,29 @@ fn spheres_on_one_point_count_once_and_those_outside_not_at_all() {
 
 #[test]
 fn a_cylinder_cuts_spheres_as_a_fine_sum_of_slices_says() {
-    let whole = Region::Cylinder { axis: [0.0, 0.0], radius: 0.3, ends: [0.0, 1.0] };
+    let whole = Region::cylinder([0.0, 0.0], 0.3, [0.0, 1.0]);
     near(Spheres::new(&[Vec3::new(0.1, 0.0, 0.5)], R).volumes(&whole).union, SPHERE, 1e-15);
     near(Spheres::new(&[Vec3::new(0.1, 0.1, 1.0)], R).volumes(&whole).union, SPHERE / 2.0, 1e-15);
     // A sphere on the axis of a thin cylinder keeps the volume that drilling a hole removes: 4/3 pi (r^3 -
     // (r^2 - a^2)^(3/2)).
     let a: f64 = 0.06;
-    let thin = Region::Cylinder { axis: [0.5, 0.2], radius: a, ends: [0.0, 1.0] };
+    let thin = Region::cylinder([0.5, 0.2], a, [0.0, 1.0]);
     let drilled = 4.0 / 3.0 * PI * (R.powi(3) - (R * R - a * a).powf(1.5));
     near(Spheres::new(&[Vec3::new(0.5, 0.2, 0.5)], R).volumes(&thin).union, drilled, 1e-13);
     // A bed that the wall of a cylinder cuts, compared with a sum of horizontal slices.
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(2);
     let x: Vec<Vec3> = (0..60).map(|_| Vec3::from_fn(|_, _| random.random_range(0.0..1.0))).collect();
-    let region = Region::Cylinder { axis: [0.5, 0.45], radius: 0.35, ends: [0.2, 0.9] };
+    let region = Region::cylinder([0.5, 0.45], 0.35, [0.2, 0.9]);
     let spheres = Spheres::new(&x, R);
     let slices = 4000;
     let at = |k: usize| 0.2 + 0.7 * (k as f64 + 0.5) / slices as f64;
-    let sum: f64 = (0..slices).map(|k| spheres.section(&region, 2, at(k))).sum();
+    let sum: f64 = (0..slices).map(|k| section(&spheres, &region, &Vec3::z(), at(k))).sum();
     near(spheres.volumes(&region).union, sum * 0.7 / slices as f64, 1e-8);
     // The same along another axis, where the section of the cylinder is a strip.
     let at = |k: usize| 0.15 + 0.7 * (k as f64 + 0.5) / slices as f64;
-    let sum: f64 = (0..slices).map(|k| spheres.section(&region, 0, at(k))).sum();
+    let sum: f64 = (0..slices).map(|k| section(&spheres, &region, &Vec3::x(), at(k))).sum();
     near(spheres.volumes(&region).union, sum * 0.7 / slices as f64, 1e-6);
-    let sum: f64 = (0..slices).map(|k| region.section(0, at(k))).sum();
+    let sum: f64 = (0..slices).map(|k| region.section(&Vec3::x(), at(k))).sum();
     near(region.volume(), sum * 0.7 / slices as f64, 1e-5);
 }
 
@@ -147,8 +152,8 @@ fn random_beds_agree_with_columns_and_with_themselves_turned() {
         let turned: Vec<Vec3> = x.iter().map(Vec3::yzx).collect();
         near(fraction(&turned, &cube(0.0, 1.0)), exact, 1e-10);
         // The two halves add up to the whole.
-        let lower = Region::Box { low: Vec3::zeros(), high: Vec3::new(1.0, 1.0, 0.4321) };
-        let upper = Region::Box { low: Vec3::new(0.0, 0.0, 0.4321), high: Vec3::repeat(1.0) };
+        let lower = Region::cuboid(Vec3::zeros(), Vec3::new(1.0, 1.0, 0.4321));
+        let upper = Region::cuboid(Vec3::new(0.0, 0.0, 0.4321), Vec3::repeat(1.0));
         let spheres = Spheres::new(&x, R);
         near(spheres.volumes(&lower).union + spheres.volumes(&upper).union, exact, 1e-10);
     }
@@ -162,8 +167,8 @@ fn many_spheres_almost_on_one_point_take_no_longer_than_others() {
     let volumes = Spheres::new(&x, R).volumes(&cube(0.0, 1.0));
     near(volumes.spheres, 300.0 * SPHERE, 1e-12);
     near(volumes.union, union_volume_fraction(&x, R, Vec3::zeros(), Vec3::repeat(1.0)), 1e-6);
-    let lower = Region::Box { low: Vec3::zeros(), high: Vec3::new(1.0, 0.51, 1.0) };
-    let upper = Region::Box { low: Vec3::new(0.0, 0.51, 0.0), high: Vec3::repeat(1.0) };
+    let lower = Region::cuboid(Vec3::zeros(), Vec3::new(1.0, 0.51, 1.0));
+    let upper = Region::cuboid(Vec3::new(0.0, 0.51, 0.0), Vec3::repeat(1.0));
     let halves = [lower, upper].map(|region| Spheres::new(&x, R).volumes(&region).union);
     near(halves[0] + halves[1], volumes.union, 1e-11);
 }

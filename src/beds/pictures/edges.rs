@@ -1,8 +1,9 @@
 //! The edges of the container: lines in which two planes meet, as far as they are inside all other planes.
 
+use crate::beds::measures::region::Upright;
+use crate::math::polyhedron::{Half, Polyhedron, is_open};
 use crate::math::vector::Vec3;
 use crate::model::wall::Wall;
-use crate::scene::BoxSides;
 
 /// A straight edge.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,31 +14,33 @@ pub struct Edge {
     pub fades: [f64; 2],
 }
 
-/// The edges between `walls`, for a picture of spheres between `low` and `high` (m). The sides of the box
-/// come first in `walls`.
+/// The edges between `walls`, for a picture of spheres that end at `ends` (m) along the six ways of
+/// `upright`.
 ///
-/// A side of the box is near if its distance from the spheres is at most half of their largest extent. Other
-/// sides are left out. Edges fade out towards them, as they do where there is no side.
-pub fn edges(walls: &[Wall], sides: Option<&BoxSides>, low: Vec3, high: Vec3) -> Vec<Edge> {
-    let extent = (high - low).amax();
-    let mut planes = walls.to_vec();
-    let real = planes.len();
-    for axis in 0..3 {
-        for (sign, extreme, side) in
-            [(-1.0, low[axis], sides.map(|b| b.min[axis])), (1.0, high[axis], sides.map(|b| b.max[axis]))]
-        {
-            // A limit outside a near side, so that the limit does not cut edges.
-            let is_near = |side: &f64| sign * (side - extreme) <= 0.5 * extent;
-            let limit = match side.filter(is_near) {
-                Some(side) => sign * ((sign * side).max(sign * extreme) + 0.5 * extent),
-                None => extreme + sign * 0.2 * extent,
-            };
-            let mut point = Vec3::zeros();
-            point[axis] = limit;
-            let mut normal = Vec3::zeros();
-            normal[axis] = sign;
-            planes.push(Wall::new(point, normal));
+/// The container is near in a direction if it ends at most half of the largest extent of the spheres beyond
+/// them. Elsewhere the edges fade out at a limit above the spheres, as they do where the container is open.
+pub fn edges(walls: &[Wall], upright: &Upright, ends: &[f64; 6]) -> Vec<Edge> {
+    let extent = (0..3).map(|k| ends[2 * k] + ends[2 * k + 1]).fold(0.0, f64::max);
+    let halves: Vec<Half> = walls.iter().map(Wall::half).collect();
+    // The container, with open sides closed far outside.
+    let ways = upright.ways();
+    let mut closed = halves.clone();
+    let mut open = [false; 6];
+    for (k, way) in ways.iter().enumerate() {
+        open[k] = is_open(&closed, way);
+        if open[k] {
+            closed.push(Half { n: *way, b: ends[k] + extent });
         }
+    }
+    let container = Polyhedron::of(&closed);
+    let real = walls.len();
+    let mut planes = walls.to_vec();
+    for (k, way) in ways.iter().enumerate() {
+        let end = container.reach(way);
+        let is_near = !open[k] && end - ends[k] <= 0.5 * extent;
+        // A limit outside a near end does not cut edges.
+        let limit = if is_near { end.max(ends[k]) + 0.5 * extent } else { ends[k] + 0.2 * extent };
+        planes.push(Wall::new(way * limit, *way));
     }
     let mut edges = Vec::new();
     for a in 0..real {
@@ -98,11 +101,13 @@ impl Edge {
 mod tests {
     use super::*;
 
-    use crate::scene::{Container, WallPlane};
+    use crate::scene::{BoxSides, Container, WallPlane};
 
+    /// The edges around spheres between the origin and `high` (m).
     fn edges_of(min: [f64; 3], max: [f64; 3], wall: Vec<WallPlane>, high: Vec3) -> Vec<Edge> {
         let container = Container { r#box: Some(BoxSides { min, max }), wall };
-        edges(&crate::scene::walls::walls(&container), container.r#box.as_ref(), Vec3::zeros(), high)
+        let ends = [high.z, 0.0, high.x, 0.0, high.y, 0.0];
+        edges(&crate::scene::walls::walls(&container), &Upright::default(), &ends)
     }
 
     #[test]
@@ -138,5 +143,23 @@ mod tests {
         assert_eq!(edges.len(), 15);
         let inside = |x: &Vec3| x.x + x.z > 0.5 - 1e-9;
         assert!(edges.iter().flat_map(|edge| &edge.ends).all(inside));
+    }
+
+    #[test]
+    fn a_tube_of_planes_has_two_rings_or_one_below_an_open_top() {
+        let sides = |k: usize| {
+            let angle = std::f64::consts::TAU * k as f64 / 24.0;
+            Wall::new(Vec3::new(angle.cos(), angle.sin(), 0.0), Vec3::new(angle.cos(), angle.sin(), 0.0))
+        };
+        let mut walls: Vec<Wall> = (0..24).map(sides).collect();
+        walls.push(Wall::new(Vec3::zeros(), -Vec3::z()));
+        let ends = [1.5, 0.0, 0.9, 0.9, 0.9, 0.9];
+        let open = edges(&walls, &Upright::default(), &ends);
+        assert_eq!(open.len(), 24 + 24);
+        assert_eq!(open.iter().filter(|edge| edge.fades != [0.0; 2]).count(), 24);
+        walls.push(Wall::new(Vec3::z() * 1.6, Vec3::z()));
+        let closed = edges(&walls, &Upright::default(), &ends);
+        assert_eq!(closed.len(), 24 + 24 + 24);
+        assert!(closed.iter().all(|edge| edge.fades == [0.0; 2]));
     }
 }

@@ -25,8 +25,10 @@ pub use options::{Background, Limits, Projection, Size};
 pub use picture::Picture;
 pub use quantity::Quantity;
 
+use crate::beds::measures::region::Upright;
 use crate::error::Error;
 use crate::files::run_file::{RunFile, State};
+use crate::math::polyhedron::across;
 use crate::math::vector::Vec3;
 use crate::scene;
 use camera::{Ball, Camera, Wanted};
@@ -118,8 +120,7 @@ struct Studio<'a> {
     layout: Layout,
     camera: Camera,
     edges: Vec<Edge>,
-    /// Unit vector against gravity.
-    upwards: Vec3,
+    upright: Upright,
     /// Direction that points up in the picture.
     up: Vec3,
     background: [u8; 3],
@@ -137,8 +138,9 @@ impl<'a> Studio<'a> {
                 run_file.path().display()
             )));
         }
-        let upwards = (-Vec3::from(scene.gravity)).try_normalize(0.0).unwrap_or(Vec3::z());
-        let survey = Survey::new(run_file, frames, options.colour, &upwards)?;
+        let upright = Upright::of(scene);
+        let upwards = upright.up;
+        let survey = Survey::new(run_file, frames, options.colour, &upright)?;
         let limits =
             options.range.unwrap_or_else(|| options.colour.limits(survey.values[0], survey.values[1]));
         let interval = scene.output.interval.unwrap_or(scene.t_end / 100.0);
@@ -146,12 +148,7 @@ impl<'a> Studio<'a> {
         let layout = Layout::new(options.size, options.colour, limits, options.plain, &time)?;
         let edges = match options.no_container {
             true => Vec::new(),
-            false => edges::edges(
-                &crate::scene::walls::walls(&scene.container),
-                scene.container.r#box.as_ref(),
-                survey.low,
-                survey.high,
-            ),
+            false => edges::edges(&scene::walls::walls(&scene.container), &upright, &survey.ends),
         };
         let up = options.up.map_or(upwards, Vec3::from);
         let wanted = Wanted {
@@ -173,7 +170,7 @@ impl<'a> Studio<'a> {
             layout,
             camera,
             edges,
-            upwards,
+            upright,
             up: up.try_normalize(0.0).unwrap_or(upwards),
             background: options.background.0,
             plain: options.plain,
@@ -194,7 +191,7 @@ impl<'a> Studio<'a> {
 
     fn picture(&self, state: &State) -> Picture {
         let x: Vec<Vec3> = state.x.iter().map(|&x| x.into()).collect();
-        let values = self.quantity.values(self.scene, state, &self.upwards);
+        let values = self.quantity.values(self.scene, state, &self.upright);
         let colours: Vec<[u8; 3]> =
             values.iter().map(|&value| self.colour(self.limits.share(value))).collect();
         let [r, g, b] = light::linear(self.background);
@@ -242,30 +239,28 @@ impl<'a> Studio<'a> {
 
 /// The default direction to the camera. If z is up, it is in front (-y), to the right (x) and above.
 fn from_the_front(up: &Vec3) -> Vec3 {
-    let axis = if up.x.abs() < 0.9 { Vec3::x() } else { Vec3::y() };
-    let right = (axis - up * up.dot(&axis)).normalize();
-    right * 0.5 + right.cross(up) + up * 0.42
+    let (right, away) = across(up);
+    right * 0.5 - away + up * 0.42
 }
 
 /// Properties of all frames together.
 struct Survey {
     /// Balls that cover all positions of spheres.
     balls: Vec<Ball>,
-    /// Corners of the box around all spheres, m.
-    low: Vec3,
-    high: Vec3,
+    /// Where the spheres end along the six ways of [`Upright::ways`], m from the origin.
+    ends: [f64; 6],
     /// Smallest and largest value of the quantity.
     values: [f64; 2],
     last_time: f64,
 }
 
 impl Survey {
-    fn new(run_file: &RunFile, frames: &[u64], quantity: Quantity, up: &Vec3) -> Result<Self, Error> {
+    fn new(run_file: &RunFile, frames: &[u64], quantity: Quantity, upright: &Upright) -> Result<Self, Error> {
+        let ways = upright.ways();
         let r = run_file.scene.particles.radius;
         let mut survey = Survey {
             balls: Vec::new(),
-            low: Vec3::repeat(f64::INFINITY),
-            high: Vec3::repeat(f64::NEG_INFINITY),
+            ends: [f64::NEG_INFINITY; 6],
             values: [f64::INFINITY, f64::NEG_INFINITY],
             last_time: 0.0,
         };
@@ -278,14 +273,15 @@ impl Survey {
                         run_file.unreadable(&format!("frame {frame} has a position that is no number"))
                     );
                 }
-                survey.low = survey.low.inf(&(x - Vec3::repeat(r)));
-                survey.high = survey.high.sup(&(x + Vec3::repeat(r)));
+                for (end, way) in survey.ends.iter_mut().zip(&ways) {
+                    *end = end.max(way.dot(&x) + r);
+                }
                 // With several frames, keep one sphere for each small cell.
                 if frames.len() == 1 || cells.insert([0, 1, 2].map(|k| (4.0 * x[k] / r).floor() as i64)) {
                     survey.balls.push((x, r));
                 }
             }
-            for value in quantity.values(&run_file.scene, &state, up) {
+            for value in quantity.values(&run_file.scene, &state, upright) {
                 survey.values = [survey.values[0].min(value), survey.values[1].max(value)];
             }
             survey.last_time = state.time;

@@ -2,6 +2,7 @@
 
 use clap::ValueEnum;
 
+use crate::beds::measures::region::Upright;
 use crate::engine::neighbors::Lists;
 use crate::files::run_file::State;
 use crate::math::elementary::Separate;
@@ -13,7 +14,8 @@ use super::options::Limits;
 /// The quantity that the colours show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Quantity {
-    /// Height of the centre against gravity, m; z if there is no gravity
+    /// Height of the centre above the lowest point inside all walls, against gravity, m; above the origin
+    /// where the bottom is open, and along z without gravity
     Height,
     /// Speed of the centre, m/s
     Speed,
@@ -41,11 +43,11 @@ impl Quantity {
         }
     }
 
-    /// The value for every sphere of a frame; `up` is a unit vector. For spins, the frame must have them.
-    pub fn values(self, scene: &Scene, state: &State, up: &Vec3) -> Vec<f64> {
+    /// The value for every sphere of a frame. For spins, the frame must have them.
+    pub fn values(self, scene: &Scene, state: &State, upright: &Upright) -> Vec<f64> {
         let norms = |vectors: &[[f64; 3]]| vectors.iter().map(|v| Vec3::from(*v).norm()).collect();
         match self {
-            Quantity::Height => state.x.iter().map(|x| Vec3::from(*x).dot(up)).collect(),
+            Quantity::Height => state.x.iter().map(|x| upright.height(&Vec3::from(*x))).collect(),
             Quantity::Speed => norms(&state.v),
             Quantity::Spin => norms(state.omega.as_deref().expect("the caller has looked for spins")),
             Quantity::Force => {
@@ -141,7 +143,7 @@ mod tests {
     #[test]
     fn values_are_those_of_the_spheres() {
         let (scene, state) = pair();
-        let values = |quantity: Quantity| quantity.values(&scene, &state, &Vec3::z());
+        let values = |quantity: Quantity| quantity.values(&scene, &state, &Upright::of(&scene));
         close(&values(Quantity::Height), &[0.09, 0.27]);
         close(&values(Quantity::Speed), &[0.0, 5.0]);
         close(&values(Quantity::Spin), &[0.0, 2.0]);

@@ -2,16 +2,18 @@
 
 use serde::Serialize;
 
-use super::box_of_centres;
 use crate::beds::measures::contacts::{Contacts, WallForce};
+use crate::beds::measures::profiles;
+use crate::beds::measures::radial::radial_distribution;
 use crate::beds::measures::rattlers::{coordination, fewest_that_hold};
+use crate::beds::measures::region::{Region, Upright};
 use crate::beds::measures::row::{Row, centres};
-use crate::beds::measures::structure;
-use crate::beds::measures::union::{Region, Spheres};
+use crate::beds::measures::union::Spheres;
 use crate::error::Error;
 use crate::files::names::Series;
 use crate::files::run_file::{RunFile, State};
 use crate::math::digits::short;
+use crate::math::vector::Vec3;
 
 /// A quantity of the run over time.
 #[derive(Debug, Clone)]
@@ -45,7 +47,7 @@ pub struct Measured {
     pub coordination: Vec<usize>,
     /// What every wall bears.
     pub wall_forces: Vec<WallForce>,
-    /// Heights (m), with the porosity of the section.
+    /// Heights above the ground, against gravity (m), with the porosity of the level section.
     pub height_profile: Vec<[f64; 2]>,
     /// Distances to upright walls, m.
     pub wall_distances: Vec<f64>,
@@ -59,7 +61,7 @@ pub struct Measured {
     /// Quantities of the run over time.
     #[serde(skip)]
     pub series: Vec<Column>,
-    /// Heights of the centres over time, m, by sphere. Empty if there are many spheres.
+    /// Heights of the centres above the ground over time, m, by sphere. Empty if there are many spheres.
     #[serde(skip)]
     pub trajectories: Vec<Vec<f64>>,
     /// Radius of all spheres, m.
@@ -92,7 +94,9 @@ impl Measured {
         let numbers = coordination(x.len(), &contacts.pushing);
         let mut histogram = vec![0; numbers.iter().max().map_or(0, |most| most + 1)];
         numbers.iter().for_each(|&number| histogram[number] += 1);
-        let (wall_distances, wall_profiles) = structure::over_wall_distance(scene, &spheres, region);
+        let Upright { up, across: [u, v], .. } = region.upright;
+        let axes = [u, v, up];
+        let (wall_distances, wall_profiles) = profiles::over_wall_distance(scene, &spheres, region);
         Ok(Measured {
             region_words: format!("{words}: {}", described(region)),
             volume_fraction_error: 1e-9,
@@ -104,10 +108,10 @@ impl Measured {
             reference_force: contacts.reference.newtons(),
             coordination: histogram,
             wall_forces: contacts.walls.clone(),
-            height_profile: structure::over_height(&spheres, region, r),
+            height_profile: profiles::over_height(&spheres, region, r),
             wall_distances,
             wall_profiles,
-            radial_distribution: structure::radial_distribution(&x, r, box_of_centres(run_file, region)),
+            radial_distribution: radial_distribution(&x, r, &region.room_of_centres(r), &axes),
             contacts,
             series: series(run_file)?,
             trajectories: trajectories(run_file)?,
@@ -213,18 +217,24 @@ impl Measured {
 
 /// A description of the region with its numbers.
 fn described(region: &Region) -> String {
-    let point = |x: f64, y: f64, z: f64| format!("({}, {}, {})", short(x), short(y), short(z));
-    match region {
-        Region::Box { low, high } => {
-            format!("the box from {} to {} m", point(low.x, low.y, low.z), point(high.x, high.y, high.z))
-        }
-        Region::Cylinder { axis, radius, ends } => format!(
-            "the cylinder of radius {} m around ({}, {}) m from z = {} to {} m",
-            short(*radius),
+    let point = |x: Vec3| format!("({}, {}, {})", short(x.x), short(x.y), short(x.z));
+    let (low, high) = region.bounds();
+    match (region.pillar(), region.as_box()) {
+        (_, Some((low, high))) => format!("the box from {} to {} m", point(low), point(high)),
+        (Some((axis, radius)), None) => format!(
+            "the cylinder of radius {} m around ({}, {}) m from z = {} to {} m, inside the walls",
+            short(radius),
             short(axis[0]),
             short(axis[1]),
-            short(ends[0]),
-            short(ends[1])
+            short(low.z),
+            short(high.z)
+        ),
+        (None, None) => format!(
+            "{} m^3 between {} planes, from {} to {} m",
+            short(region.volume()),
+            region.sides().len(),
+            point(low),
+            point(high)
         ),
     }
 }
@@ -240,15 +250,16 @@ fn series(run_file: &RunFile) -> Result<Vec<Column>, Error> {
     shown.into_iter().map(|series| Ok(Column { series, values: run_file.series(series)? })).collect()
 }
 
-/// Heights of the centres in every frame, m, by sphere. Empty if there are many spheres.
+/// Heights of the centres above the ground in every frame, m, by sphere. Empty if there are many spheres.
 fn trajectories(run_file: &RunFile) -> Result<Vec<Vec<f64>>, Error> {
     if run_file.count > FEW {
         return Ok(Vec::new());
     }
+    let upright = Upright::of(&run_file.scene);
     let mut heights = vec![Vec::new(); run_file.count as usize];
     for k in 0..run_file.frames {
         for (heights, x) in heights.iter_mut().zip(run_file.state(k)?.x) {
-            heights.push(x[2]);
+            heights.push(upright.height(&x.into()));
         }
     }
     Ok(heights)

@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
-use crate::beds::measures::region;
+use crate::beds::measures::region::{Region, Side};
+use crate::beds::measures::request::RegionRequest;
+use crate::math::polyhedron::across;
 use crate::math::vector::Vec3;
 use crate::scene::Scene;
 
@@ -11,26 +13,31 @@ const MOST: usize = 4000;
 /// Longer side of the picture, px.
 const SIDE: f64 = 420.0;
 
-/// The spheres of radius `scene.particles.radius` around `x` (m), viewed along y, as an `svg` element.
+/// The spheres of radius `scene.particles.radius` around `x` (m) and the walls around them, as an `svg`
+/// element.
 ///
-/// `None` if there are too many of them.
+/// They are seen along y if z is up, and across gravity in any case. `None` if there are too many of them.
 pub fn picture(scene: &Scene, x: &[Vec3]) -> Option<String> {
     if x.len() > MOST {
         return None;
     }
     let r = scene.particles.radius;
-    let (low, high) = region::extent(x, r);
-    let (sides_low, sides_high) = region::container_box(scene, x);
-    let finite = |value: f64, fallback: f64| if value.is_finite() { value } else { fallback };
-    let left = finite(sides_low.x.min(low.x), low.x);
-    let right = finite(sides_high.x.max(high.x), high.x);
-    let bottom = finite(sides_low.z.min(low.z), low.z);
+    let (region, _) = RegionRequest::Whole.of(scene, x);
+    let up = region.upright.up;
+    let (right, away) = across(&up);
+    let end = |way: Vec3| {
+        let spheres = x.iter().map(|x| way.dot(x) + r).fold(f64::NEG_INFINITY, f64::max);
+        if region.is_empty() { spheres } else { spheres.max(region.reach(&way)) }
+    };
+    let (left, width) = (-end(-right), end(right) + end(-right));
+    let bottom = -end(-up);
     // Leave out a lid that is high above the bed, because the bed would be small.
-    let top = high.z.max(bottom + 2.0 * r);
-    let scale = SIDE / (right - left).max(top - bottom);
-    let (width, height) = (scale * (right - left), scale * (top - bottom));
+    let top = x.iter().map(|x| up.dot(x) + r).fold(bottom + 2.0 * r, f64::max);
+    let scale = SIDE / width.max(top - bottom);
+    let (width, height) = (scale * width, scale * (top - bottom));
+    let place = |x: &Vec3| [scale * (right.dot(x) - left), scale * (top - up.dot(x))];
     let mut order: Vec<&Vec3> = x.iter().collect();
-    order.sort_by(|a, b| b.y.total_cmp(&a.y));
+    order.sort_by(|a, b| away.dot(b).total_cmp(&away.dot(a)));
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"-2 -2 {:.1} {:.1}\" width=\"{:.0}\" \
          role=\"img\" aria-label=\"the bed from the front\">\n\
@@ -42,20 +49,75 @@ pub fn picture(scene: &Scene, x: &[Vec3]) -> Option<String> {
         width + 4.0
     );
     for x in order {
+        let [column, row] = place(x);
         let _ = writeln!(
             svg,
-            "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"{:.2}\" fill=\"url(#ball)\"/>",
-            scale * (x.x - left),
-            scale * (top - x.z),
+            "<circle cx=\"{column:.1}\" cy=\"{row:.1}\" r=\"{:.2}\" fill=\"url(#ball)\"/>",
             scale * r
         );
     }
-    if scene.container.r#box.is_some() {
-        let _ = writeln!(
-            svg,
-            "<path d=\"M0 0V{height:.1}H{width:.1}V0\" fill=\"none\" stroke=\"#555\" stroke-width=\"1.5\"/>"
-        );
+    let lines: String = wall_edges(&region).iter().map(|ends| line(ends.map(|end| place(&end)))).collect();
+    if !lines.is_empty() {
+        let _ = writeln!(svg, "<path d=\"{lines}\" fill=\"none\" stroke=\"#555\" stroke-width=\"1.5\"/>");
     }
     svg.push_str("</svg>");
     Some(svg)
+}
+
+/// The edges of all walls around a region, as their ends, m. Those of its open sides are left out.
+fn wall_edges(region: &Region) -> Vec<[Vec3; 2]> {
+    let (low, high) = region.bounds();
+    let tiny = 1e-9 * (high - low).norm();
+    let open: Vec<_> = region.sides().iter().filter(|(_, side)| *side == Side::End).collect();
+    let on_one =
+        |ends: &[Vec3; 2]| open.iter().any(|(half, _)| ends.iter().all(|end| half.beyond(end).abs() <= tiny));
+    let edges = region.body().faces.iter().flat_map(|face| {
+        let corners = &face.corners;
+        (0..corners.len()).map(|k| [corners[k], corners[(k + 1) % corners.len()]])
+    });
+    edges.filter(|ends| !on_one(ends)).collect()
+}
+
+/// A line between two points of the picture, as part of a path.
+fn line([[a, b], [c, d]]: [[f64; 2]; 2]) -> String {
+    format!("M{a:.1} {b:.1}L{c:.1} {d:.1}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::beds::measures::testing::scene;
+
+    #[test]
+    fn the_bed_stands_upright_whatever_the_direction_of_gravity() {
+        let below = |svg: &str| {
+            let rows =
+                svg.split("cy=\"").skip(2).map(|rest| rest.split('"').next().unwrap().parse().unwrap());
+            rows.collect::<Vec<f64>>()
+        };
+        for (gravity, low, high) in [
+            ("[0, 0, -9.81]", [0.5, 0.5, 0.1], [0.5, 0.5, 0.9]),
+            ("[-9.81, 0, 0]", [0.1, 0.5, 0.5], [0.9, 0.5, 0.5]),
+            ("[0, 9.81, 0]", [0.5, 0.9, 0.5], [0.5, 0.1, 0.5]),
+        ] {
+            let scene = scene(&format!(
+                "gravity = {gravity}\ncontainer.box = {{ min = [0, 0, 0], max = [1, 1, 1] }}"
+            ));
+            let svg = picture(&scene, &[low.into(), high.into()]).unwrap();
+            let rows = below(&svg);
+            // The box is 1 m high; the lid is left out above the highest sphere, which ends at it here.
+            assert!((rows[0] - 0.9 * SIDE).abs() < 0.1 && (rows[1] - 0.1 * SIDE).abs() < 0.1, "{rows:?}");
+            // Twelve edges, each for two faces.
+            assert_eq!(svg.matches('M').count(), 24);
+        }
+    }
+
+    #[test]
+    fn open_sides_have_no_line() {
+        let open = scene("container.box = { min = [0, 0, 0], max = [1, 1, inf] }");
+        let svg = picture(&open, &[Vec3::repeat(0.5)]).unwrap();
+        // Without the four edges of the open top.
+        assert_eq!(svg.matches('M').count(), 16);
+        assert!(!picture(&scene(""), &[Vec3::repeat(0.5)]).unwrap().contains("path"));
+    }
 }

@@ -1,4 +1,5 @@
-//! Warnings that can be given before a run, by the run and by the dry run alike. What they advise silences them.
+//! Warnings that can be given before a run, by the run and by the dry run alike. What they advise silences
+//! them.
 
 use crate::engine::simulation::{friction_tolerance, pressed, tightening};
 use crate::error::Error;
@@ -113,8 +114,8 @@ fn soft_contact_warning(scene: &Scene) -> Option<String> {
     let enough = e_folds / (DEEP * r);
     (contact.stiffness_exponent < enough).then(|| {
         format!(
-            "warning: contacts are soft: a sphere of particles.mass = {} kg at rest on a floor overlaps it by \
-             {} m, {} of the radius; contact.stiffness_exponent = {} 1/m or more would do",
+            "warning: contacts are soft: a sphere of particles.mass = {} kg at rest on a floor overlaps it \
+             by {} m, {} of the radius; contact.stiffness_exponent = {} 1/m or more would do",
             short(scene.particles.mass),
             rough(overlap),
             rough(overlap / r),
@@ -168,8 +169,8 @@ fn overlap_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     ))
 }
 
-/// What would keep the spheres of a grid apart, and away from `wall` where one is overlapped most, by `deepest`
-/// (m).
+/// What would keep the spheres of a grid apart, and away from `wall` where that is overlapped most, by
+/// `deepest` (m).
 fn grid_advice(grid: &Grid, r: f64, deepest: f64, wall: Option<&Wall>) -> String {
     let mut advice = Vec::new();
     let spacing = 2.0 * r + grid.jitter;
@@ -354,7 +355,8 @@ fn shivering_warning(scene: &Scene, start: &InitialCondition) -> Option<String> 
     })
 }
 
-/// The smallest step must be shorter than this share of the time in which the force of a contact changes e-fold.
+/// The smallest step must be shorter than this share of the time in which the force of a contact changes
+/// e-fold.
 const SHORT_STEP: f64 = 1e-3;
 
 /// Warns if the smallest step is too long for contacts: those of small and hard spheres are over soon.
@@ -367,7 +369,8 @@ fn long_min_step_warning(scene: &Scene, start: &InitialCondition) -> Option<Stri
     (scene.solver.step.is_none() && min_step > SHORT_STEP * time).then(|| {
         format!(
             "warning: solver.min_step = {} s is long for contacts whose force changes e-fold within {} s, \
-             1/(kappa v) at v = {} m/s: steps will be accepted in spite of their error; {} s or less would do",
+             1/(kappa v) at v = {} m/s: steps will be accepted in spite of their error; {} s or less would \
+             do",
             short(min_step),
             rough(time),
             rough(v),

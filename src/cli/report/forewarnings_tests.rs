@@ -42,7 +42,7 @@ fn a_cut_force_is_warned_of_with_the_distance_that_would_do() {
 #[test]
 fn walls_given_twice_are_warned_of() {
     assert!(double_wall_warnings(&scene(&[])).is_empty());
-    let floor = "container.wall=[{ point = [5, 5, 0], normal = [0, 0, -2] }, { normal = [0, 0, 1] }]";
+    let floor = "container.wall=[{ point = [5, 5, 0], normal = [0, 0, -2] }, { point = [0, 0, 9], normal = [0, 0, 1] }]";
     let warnings = double_wall_warnings(&scene(&[floor]));
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     assert!(warnings[0].contains("container.wall[0]") && warnings[0].contains("z = 0 m"), "{warnings:?}");
@@ -120,8 +120,8 @@ fn a_tolerance_too_loose_for_the_brake_is_warned_of_with_one_that_would_do() {
 }
 
 /// The scene with start.csv in place of its grid.
-fn scene_of_a_file() -> Scene {
-    let scene = scene(&[]);
+fn scene_of_a_file(extra: &[&str]) -> Scene {
+    let scene = scene(extra);
     let file = Some("start.csv".into());
     Scene { particles: crate::scene::Particles { grid: None, file, ..scene.particles }, ..scene }
 }
@@ -239,7 +239,7 @@ fn impacts_that_nothing_holds_back_are_told_with_a_stiffness_that_does_at_every_
 fn overlaps_at_the_start_are_told_with_who_and_how_many() {
     let touching = |gap: f64| bodies(&[[[0.5; 3], [0.0; 3]], [[0.5, 0.5, 0.5 + gap], [0.0; 3]]]);
     assert_eq!(overlap_warning(&scene(&[]), &touching(0.171)), None);
-    let from_file = scene_of_a_file();
+    let from_file = scene_of_a_file(&[]);
     let warning = overlap_warning(&from_file, &touching(0.0125)).unwrap();
     for part in [
         "by up to 0.188 m, 1.88 of the radius (particles 0 and 1): ",
@@ -257,14 +257,14 @@ fn overlaps_at_the_start_are_told_with_who_and_how_many() {
 
 #[test]
 fn a_force_beyond_a_double_is_told_before_the_run() {
-    let hard = scene(&["contact.stiffness_exponent=1e5"]);
+    let hard = scene_of_a_file(&["contact.stiffness_exponent=1e5"]);
     let warning = overlap_warning(&hard, &bodies(&[[[0.5; 3], [0.0; 3]], [[0.5, 0.5, 0.68], [0.0; 3]]]));
     assert!(warning.unwrap().contains("by up to 0.02 m, 0.2 of the radius"));
 }
 
 #[test]
 fn columns_that_nobody_reads_are_told_but_never_too_many() {
-    let from_file = scene_of_a_file();
+    let from_file = scene_of_a_file(&[]);
     let with = |names: &[String]| InitialCondition { unread: names.to_vec(), ..InitialCondition::default() };
     assert_eq!(unread_column_warning(&from_file, &with(&[])), None);
     let warning = unread_column_warning(&from_file, &with(&["tag".to_owned()])).unwrap();

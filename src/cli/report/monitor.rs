@@ -31,8 +31,8 @@ pub struct Monitor {
     r: f64,
     /// Interaction distance, m.
     l_max: f64,
-    /// Largest distance of a centre beyond a wall so far, m, the id of the particle and the index of the wall.
-    /// Negative: inside.
+    /// Largest distance of a centre beyond a wall so far, m, the id of the particle and the index of the
+    /// wall. Negative: inside.
     furthest: (f64, u64, usize),
     /// Ids of the particles that had left the container in the last frame.
     left: Vec<u64>,

@@ -29,8 +29,8 @@ fn created_energy_warning(scene: &Scene, start: &InitialCondition, course: &Fram
     let created = course.residual();
     if scene.output.energy && created > CREATED_SHARE * largest && created > rounding {
         return Some(format!(
-            "warning: energy at the end and dissipated energy are {} J more than there was at the start, {} of \
-             the largest kinetic energy: no contact creates energy, so the steps are too coarse for the \
+            "warning: energy at the end and dissipated energy are {} J more than there was at the start, {} \
+             of the largest kinetic energy: no contact creates energy, so the steps are too coarse for the \
              motion, or for the integral of what it dissipates; a smaller {smaller} would help",
             rough(created),
             rough(created / largest)
@@ -42,8 +42,8 @@ fn created_energy_warning(scene: &Scene, start: &InitialCondition, course: &Fram
     (created > RISEN_SHARE * scale && created > rounding).then(|| {
         format!(
             "warning: energy was created: at a frame it was {} J more than at one before, {} of the largest \
-             kinetic energy; no contact creates energy, so the steps are too coarse for the motion; a smaller \
-             {smaller} would help",
+             kinetic energy; no contact creates energy, so the steps are too coarse for the motion; a \
+             smaller {smaller} would help",
             rough(created),
             rough(created / scale)
         )
@@ -84,8 +84,8 @@ pub fn doubts(
     let counts = &outcome.counts;
     if counts.forced > 0 {
         doubts.push(format!(
-            "warning: {} steps were accepted at solver.min_step = {} s with an error above solver.tolerance: a \
-             smaller solver.min_step or a larger solver.tolerance would help",
+            "warning: {} steps were accepted at solver.min_step = {} s with an error above solver.tolerance: \
+             a smaller solver.min_step or a larger solver.tolerance would help",
             counts.forced,
             short(scene.solver.min_step)
         ));

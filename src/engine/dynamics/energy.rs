@@ -6,9 +6,9 @@ use crate::engine::forces::{BodyParameters, Measure};
 use crate::engine::kernel::GapMeasure;
 use crate::math::exact::{largest, total};
 use crate::math::larger;
-use crate::math::vector::Vec3;
 use crate::model::columns::{position, spin, velocity};
 use crate::ode::Dissipation;
+use crate::scene::walls::upwards;
 
 impl Dynamics<'_> {
     /// Kinetic energy of all particles at `y`, J. Collective.
@@ -106,12 +106,13 @@ impl Dynamics<'_> {
         largest[0]
     }
 
-    /// Height of the highest point of any sphere above the origin, m. Collective.
+    /// Height of the highest point of any sphere, m. Collective.
     ///
-    /// It is measured against gravity, or along z without gravity.
+    /// It is measured against gravity, or along z without gravity, from the lowest point inside all walls.
+    /// Where the walls leave the bottom open, it is measured from the origin.
     pub fn bed_height(&self, y: &[f64]) -> f64 {
-        let up = (-self.forces.parameters.gravity).try_normalize(0.0).unwrap_or(Vec3::z());
-        let heights = self.domain.centres(&y[..self.particle_numbers()]).map(|x| up.dot(&x));
+        let up = upwards(&self.forces.parameters.gravity);
+        let heights = self.domain.centres(&y[..self.particle_numbers()]).map(|x| up.dot(&x) - self.ground);
         let mut top = [heights.fold(f64::NEG_INFINITY, f64::max)];
         self.domain.comm.max(&mut top);
         top[0] + self.law().r

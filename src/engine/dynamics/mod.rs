@@ -11,6 +11,7 @@ use crate::math::vector::Vec3;
 use crate::model::columns::{Changes, Columns, POSITION, velocity};
 use crate::model::contact::LawParameters;
 use crate::ode::{Dissipation, Layout, Segment, StepStart};
+use crate::scene::walls::{ground, upwards};
 pub use contacts::ContactRecords;
 use contacts::Contacts;
 use decomposition::Decomposition;
@@ -145,6 +146,8 @@ pub struct Dynamics<'c> {
     velocity_scale: f64,
     /// Largest gap at which surfaces interact, m. Lists and ghosts always cover it.
     l_max: f64,
+    /// The height from which the bed height is measured, m.
+    ground: f64,
     /// Time spent in the parts of the work.
     pub clocks: Clocks,
 }
@@ -189,6 +192,7 @@ impl<'c> Dynamics<'c> {
             )));
         }
         let segment = Segment { rows: ids.len(), width: kernel.width(), positions: POSITION.end };
+        let ground = ground(&parameters.walls, &upwards(&parameters.gravity));
         let mut dynamics = Dynamics {
             domain: Decomposition::new(comm, ids, columns, constants, y),
             forces: Forces::new(kernel, parameters, set),
@@ -201,6 +205,7 @@ impl<'c> Dynamics<'c> {
             fault_search: FaultSearch::Off,
             velocity_scale,
             l_max,
+            ground,
             clocks: Clocks::default(),
         };
         dynamics.forces.owned = dynamics.domain.owned;

@@ -10,8 +10,8 @@ use crate::ode::{Ivp, TrialOutcome, largest_magnitude};
 /// Contacts that open within this many of the smallest steps are pressed: no step resolves them.
 const PRESSED: f64 = 1000.0;
 
-/// The error of spheres of `mass` (kg) that are pressed together by `overlap` (m) at the time `t` (s), so that
-/// steps of `min_step` (s) are too long for what they do; `None` if steps can follow.
+/// The error of spheres of `mass` (kg) that are pressed together by `overlap` (m) at the time `t` (s), so
+/// that steps of `min_step` (s) are too long for what they do; `None` if steps can follow.
 pub fn pressed(law: LawParameters, mass: f64, overlap: f64, min_step: f64, t: f64) -> Option<Error> {
     let LawParameters { r, f_0, kappa, .. } = law;
     let force = f_0 * (kappa * overlap).exp();

@@ -77,8 +77,8 @@ pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
     match overlaps::coincident(scene, &start.x) {
         None => Ok(()),
         Some([i, j]) => Err(Error::Input(format!(
-            "{}: {} have the same centre, {} m, and a contact between them has no direction: all centres must \
-             differ",
+            "{}: {} have the same centre, {} m, and a contact between them has no direction: all centres \
+             must differ",
             origin(scene),
             named(scene, &[i, j]),
             triple(&start.x[i])
@@ -182,8 +182,9 @@ mod tests {
 
     #[test]
     fn two_spheres_in_one_place_are_named() {
-        let scene = scene(&["particles={ radius = 0.1, mass = 1, file = 'start.csv' }"]);
-        let scene = Scene { particles: crate::scene::Particles { grid: None, ..scene.particles }, ..scene };
+        let (scene, file) = (scene(&[]), Some("start.csv".into()));
+        let particles = crate::scene::Particles { grid: None, file, ..scene.particles };
+        let scene = Scene { particles, ..scene };
         let mut start = spheres();
         start.x[3] = start.x[1];
         let message = check(&scene, &start).unwrap_err().to_string();

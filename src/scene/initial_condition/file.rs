@@ -97,7 +97,9 @@ impl Table<'_> {
         let mut reader = options.from_reader(self.text.as_bytes());
         let mut row = StringRecord::new();
         if !self.next(&mut reader, &mut row)? {
-            let message = "the file is empty: its first line must name the columns, e.g. x,y,z";
+            let empty =
+                if self.text.contains('#') { "there is nothing but comments" } else { "the file is empty" };
+            let message = format!("{empty}: its first line must name the columns, e.g. x,y,z");
             return Err(Error::Input(format!("{}: {message}", self.name)));
         }
         let header: Vec<String> = row.iter().map(|name| name.trim().to_owned()).collect();
@@ -114,12 +116,15 @@ impl Table<'_> {
                 continue;
             }
             if row.len() != header.len() {
+                let quoted = row.iter().any(|field| field.contains([',', '\n']));
                 let hint = match row.len() > header.len() {
                     true => ": commas separate fields, decimals follow a point",
+                    false if quoted => ": every row needs all of them, and a quotation mark joins fields",
                     false => ": every row needs all of them",
                 };
+                let fields = if row.len() == 1 { "field" } else { "fields" };
                 let message = format!(
-                    "the row has {} fields, but the first line names {} columns ({}){hint}",
+                    "the row has {} {fields}, but the first line names {} columns ({}){hint}",
                     row.len(),
                     header.len(),
                     brief(&header.join(","))
@@ -191,12 +196,16 @@ impl Table<'_> {
     fn no_centres(&self, header: &[String], line: usize) -> Error {
         let first = header.join(",");
         let names = renamed(header, &CENTRE.names);
-        let separated_otherwise = header.len() == 1 && first.contains([';', '\t', ' ', '|']);
+        let words: Vec<&str> = first.split([';', '\t', ' ', '|']).filter(|word| !word.is_empty()).collect();
+        let separated_otherwise = header.len() == 1
+            && words.len() >= 3
+            && (words.contains(&"x")
+                || words.iter().all(|word| word.replace(',', ".").parse::<f64>().is_ok()));
         let hint = if separated_otherwise {
             "; fields must be separated by commas, and decimals follow a point".to_owned()
         } else if self.names_stand_in_a_comment() {
             "; the names stand behind #, which makes a line a comment".to_owned()
-        } else if header.iter().all(|name| name.parse::<f64>().is_ok()) {
+        } else if header.len() > 1 && header.iter().all(|name| name.parse::<f64>().is_ok()) {
             "; numbers start below it".to_owned()
         } else if !names.is_empty() {
             format!("; {names}")
@@ -238,10 +247,18 @@ impl Table<'_> {
                 Ok(_) => "is not finite",
                 Err(_) => "is not a number",
             };
-            let with_comma = field.contains(',') && field.replacen(',', ".", 1).parse::<f64>().is_ok();
-            let hint = if with_comma { "; decimals follow a point" } else { "" };
+            let first_word = field.split_whitespace().next().unwrap_or_default();
+            let hint = match field {
+                _ if field.contains(',') => "; decimals follow a point, and nothing parts thousands",
+                _ if field.contains('#') => "; a comment needs a line of its own",
+                _ if first_word.parse::<f64>().is_ok() && first_word != field => {
+                    "; it must stand without a unit"
+                }
+                _ => "",
+            };
             let message = format!(
-                "{name} = \"{}\" {problem}: column {name} needs a finite number, a part of the {} in {}{hint}",
+                "{name} = \"{}\" {problem}: column {name} needs a finite number, a part of the {} in \
+                 {}{hint}",
                 brief(field),
                 triple.name,
                 triple.unit

@@ -51,7 +51,7 @@ pub(super) fn unread(header: &[String]) -> Vec<String> {
         let hint = match (name.as_str(), likely(name).filter(|column| !is_there(column))) {
             ("radius" | "mass", _) => format!(" (particles.{name} holds for all spheres)"),
             ("id", _) => " (the order of rows gives ids)".to_owned(),
-            (_, Some(column)) => format!(" (it would be read as {column})"),
+            (_, Some(column)) => format!(" (named {column} it would be read)"),
             _ => String::new(),
         };
         brief(name) + &hint
@@ -93,7 +93,12 @@ mod tests {
         let header = ["x", "y", "z", "wx", "radius", "tag", "", "X"].map(str::to_owned);
         assert_eq!(
             unread(&header),
-            ["wx (it would be read as avx)", "radius (particles.radius holds for all spheres)", "tag", "X"]
+            [
+                "wx (named avx it would be read)",
+                "radius (particles.radius holds for all spheres)",
+                "tag",
+                "X"
+            ]
         );
     }
 }

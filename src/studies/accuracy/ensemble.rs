@@ -5,9 +5,10 @@ use super::findings::{Findings, by_solver, measures};
 use super::impact::floors;
 use super::records::{Measure, Record, Solver, Statistic, Stepper, Study};
 use super::solvers::with_solver;
-use crate::beds::measures::bed::{bed_region, union_volume_fraction};
 use crate::beds::measures::contacts::{Contacts, SHARE};
 use crate::beds::measures::rattlers::mean_coordination;
+use crate::beds::measures::request::RegionRequest;
+use crate::beds::measures::union::Spheres;
 use crate::math::digits::short;
 use crate::math::interval::{Interval, interval};
 use crate::scene::Scene;
@@ -75,8 +76,9 @@ fn bed(job: &Job, until: f64) -> Sample {
         return sample;
     }
     let r = scene.particles.radius;
-    let fraction = bed_region(&scene, &end.x)
-        .map_or(f64::NAN, |(low, high)| union_volume_fraction(&end.x, r, low, high));
+    let (region, _) = RegionRequest::Bed.of(&scene, &end.x);
+    let volumes = Spheres::new(&end.x, r).volumes(&region);
+    let fraction = volumes.union / volumes.region;
     let contacts = Contacts::of(&scene, &end.state(0), SHARE).pushing;
     let coordination = mean_coordination(end.x.len(), &contacts);
     let numbers = vec![fraction, end.bed_height, coordination, overlap];
@@ -113,7 +115,7 @@ pub fn study(
         ));
     }
     if records.iter().all(|record| !record.measures.contains_key(&Measure::VolumeFraction)) {
-        notes.push("ensemble: without a box closed on four sides there is no volume fraction".to_owned());
+        notes.push("ensemble: no sphere is inside the walls, so that there is no volume fraction".to_owned());
     }
     Findings { records, statistics, notes }
 }

@@ -1,7 +1,7 @@
 //! The measures of a run, at its end and over time.
 
 use crate::beds::measures::contacts::SHARE;
-use crate::beds::measures::region::RegionRequest;
+use crate::beds::measures::request::RegionRequest;
 use crate::beds::measures::row::{Row, centres};
 use crate::error::Error;
 use crate::files::names::Series;

@@ -50,6 +50,7 @@ fn a_dry_run_warns_of_what_can_be_known_before() {
         ("barrier-pair", 1),
         ("kappa-30-cut", 1),
         ("tolerance-1e6", 1),
+        ("overlap-90", 1),
         ("rest-27", 0),
         ("wall-100", 0),
     ] {
@@ -62,4 +63,16 @@ fn a_dry_run_warns_of_what_can_be_known_before() {
         }
         assert!(ended.stdout.contains("nothing was run"), "{name}");
     }
+}
+
+#[test]
+fn a_dry_run_refuses_a_start_with_the_message_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = [&["--dry-run"][..], &["-q", "--output", "out.vtkhdf"]].map(|options| {
+        let ended = Job::alone(folder.path(), &[&file("coincident")]).and(options).run().with_code(2);
+        assert!(!ended.stdout.contains("is valid"), "{}", ended.stdout);
+        ended.stderr
+    });
+    assert!(said[0].contains("particles 1 and 2 (rows 2 and 3 below the first line) have the same centre"));
+    assert_eq!(said[0], said[1]);
 }

@@ -38,7 +38,7 @@ const VALUES: &[&str] = &[
 /// Every key, and some that are none.
 #[rustfmt::skip]
 const KEYS: &[&str] = &[
-    "t_end", "gravity", "particles", "particles.radius", "particles.mass", "particles.file",
+    "t_end", "gravity", "particles", "particles.radius", "particles.mass", "particles.density", "particles.file",
     "particles.grid", "particles.grid.count", "particles.grid.spacing", "particles.grid.jitter",
     "particles.grid.bottom", "particles.grid.seed", "container", "container.box", "container.box.min",
     "container.box.max", "container.wall", "contact", "contact.repulsion_at_contact",

@@ -1,8 +1,6 @@
-//! How densely a bed is packed: the volume of the union of its spheres, and the part of the bed
-//! that is measured.
+//! Share of a box that spheres cover, counted by columns: what the exact volumes are compared with.
 
 use crate::math::vector::Vec3;
-use crate::scene::Scene;
 
 /// Share of the box from `low` to `high` (m, `low` < `high` on each axis) that spheres of radius `r` (m)
 /// cover.
@@ -15,17 +13,6 @@ use crate::scene::Scene;
 /// The error is 1e-6 for spheres at random positions, as in the bed of the paper. It is 1e-5 if all spheres
 /// have the same position relative to the columns. For a single sphere it is 3e-5 of its volume (root mean
 /// square), and 1e-4 at most.
-///
-/// # Examples
-///
-/// ```rust
-/// use demhybrid::beds::measures::bed::union_volume_fraction;
-/// use demhybrid::math::vector::Vec3;
-///
-/// let (low, high) = (Vec3::zeros(), Vec3::repeat(1.0));
-/// let share = union_volume_fraction(&[Vec3::repeat(0.5)], 0.5, low, high);
-/// assert!((share - std::f64::consts::PI / 6.0).abs() < 1e-4); // a ball in its cube
-/// ```
 pub fn union_volume_fraction(x: &[Vec3], r: f64, low: Vec3, high: Vec3) -> f64 {
     let mut inside: Vec<Vec3> =
         x.iter().filter(|x| (0..3).all(|k| x[k] + r > low[k] && x[k] - r < high[k])).copied().collect();
@@ -104,38 +91,9 @@ impl Lines {
     }
 }
 
-/// The box in which the density of the bed is measured, as its lower and upper corner (m).
-///
-/// `x` are the centres (m).
-///
-/// It stands on the base of `container.box`, and its height is the shorter side of the base.
-///
-/// A bed is too shallow for that if less than a tenth of its centres are above. The box then ends at the
-/// height below which three quarters of the centres lie.
-///
-/// `None` if the base is not closed or has no bed on it.
-pub fn bed_region(scene: &Scene, x: &[Vec3]) -> Option<(Vec3, Vec3)> {
-    let sides = scene.container.r#box.as_ref()?;
-    let (low, mut high) = (Vec3::from(sides.min), Vec3::from(sides.max));
-    let closed = low.iter().chain(&[high.x, high.y]).all(|side| side.is_finite());
-    if !closed || x.is_empty() {
-        return None;
-    }
-    let cube_top = low.z + (high.x - low.x).min(high.y - low.y);
-    let above = x.iter().filter(|x| x.z > cube_top).count();
-    high.z = if 10 * above >= x.len() {
-        cube_top
-    } else {
-        let mut heights: Vec<f64> = x.iter().map(|x| x.z).collect();
-        *heights.select_nth_unstable_by(3 * x.len() / 4, f64::total_cmp).1
-    };
-    (high.z > low.z).then_some((low, high))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::beds::measures::testing::boxed;
     use rand::{RngExt, SeedableRng};
     use std::f64::consts::PI;
 
@@ -239,46 +197,5 @@ mod tests {
         let turned: Vec<Vec3> = x.iter().map(Vec3::yzx).collect();
         let other = in_unit_cube(&turned);
         assert!((other - measured).abs() < 1e-5, "{measured} {other}: 1.5e-6 was seen");
-    }
-
-    /// Centres at equal vertical distances, from 0 to `top`.
-    fn up_to(top: f64) -> Vec<Vec3> {
-        (0..=100).map(|k| Vec3::new(0.5, 0.5, top * k as f64 / 100.0)).collect()
-    }
-
-    #[test]
-    fn a_deep_bed_is_measured_in_the_cube_on_its_floor() {
-        let unit = boxed("[0, 0, 0]", "[1, 1, inf]");
-        assert_eq!(bed_region(&unit, &up_to(1.3)), Some((Vec3::zeros(), Vec3::repeat(1.0))));
-        let oblong = boxed("[-1, 2, -3]", "[1, 2.5, 7]");
-        let low = Vec3::new(-1.0, 2.0, -3.0);
-        assert_eq!(bed_region(&oblong, &up_to(5.0)), Some((low, Vec3::new(1.0, 2.5, -2.5))));
-    }
-
-    #[test]
-    fn a_shallow_bed_is_measured_up_to_three_quarters_of_its_centres() {
-        let unit = boxed("[0, 0, 0]", "[1, 1, inf]");
-        let (low, high) = bed_region(&unit, &up_to(0.8)).unwrap();
-        assert_eq!((low, high.xy()), (Vec3::zeros(), Vec3::repeat(1.0).xy()));
-        assert!((high.z - 0.6).abs() < 1e-15);
-    }
-
-    #[test]
-    fn an_open_base_or_a_bed_below_the_floor_has_no_region() {
-        for (min, max) in [
-            ("[-inf, 0, 0]", "[1, 1, inf]"),
-            ("[0, -inf, 0]", "[1, 1, inf]"),
-            ("[0, 0, -inf]", "[1, 1, inf]"),
-            ("[0, 0, 0]", "[inf, 1, inf]"),
-            ("[0, 0, 0]", "[1, inf, inf]"),
-        ] {
-            assert_eq!(bed_region(&boxed(min, max), &up_to(2.0)), None);
-        }
-        let unit = boxed("[0, 0, 0]", "[1, 1, inf]");
-        assert_eq!(bed_region(&unit, &up_to(-2.0)), None);
-        assert_eq!(bed_region(&unit, &[]), None);
-        let mut without = unit.clone();
-        without.container.r#box = None;
-        assert_eq!(bed_region(&without, &up_to(2.0)), None);
     }
 }
