@@ -21,7 +21,7 @@ gravity = [0.0, 0.0, -9.81]
 particles = { radius = 0.1, mass = 1.0, grid = { count = 27, bottom = 0.1, seed = 5 } }
 container.box = { min = [0.0, 0.0, 0.0], max = [0.75, 0.75, inf] }
 friction = { coefficient = 0.2, regularization_velocity = 0.01 }
-output.interval = 0.01
+output.interval = 0.05
 output.sync = 0.05
 checkpoint.interval = 0.05
 contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4,
@@ -71,14 +71,16 @@ fn assert_sound(folder: &Path, complete: bool) {
     let results = Results::open(&folder.join("scene.vtkhdf"));
     assert_eq!(results.count("completed"), i64::from(complete));
     assert!(results.frames() > 0);
+    let rows = 3 * results.particles();
+    let all = results.reals("VTKHDF/Points");
     for (k, time) in results.times().into_iter().enumerate() {
-        assert!((time - k as f64 * 0.01).abs() < 1e-9, "frame {k} at {time} s");
-        let x = results.vectors("Points", k);
-        assert!(x.iter().all(|x| x.iter().any(|&x| x != 0.0)), "frame {k} is one that nobody computed");
+        assert!((time - k as f64 * 0.05).abs() < 1e-9, "frame {k} at {time} s");
+        let frame = &all[k * rows..(k + 1) * rows];
+        assert!(frame.chunks(3).all(|x| x != [0.0; 3]), "frame {k} is one that nobody computed");
     }
     if let Some(python) = python() {
         let what = if complete { "complete" } else { "" };
-        run_python(&python, "sound_frames.py", folder, &["scene.vtkhdf", "0.01", what]);
+        run_python(&python, "sound_frames.py", folder, &["scene.vtkhdf", "0.05", what]);
     }
 }
 
