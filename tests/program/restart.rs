@@ -411,9 +411,14 @@ fn a_complete_run_is_left_alone_and_a_longer_one_equals_one_that_was_longer_from
 #[test]
 fn a_run_that_ends_at_rest_is_complete_and_says_why() {
     let folder = folder();
-    let sets = ["--set", "stop.unbalanced_force=0.5", "--set", "stop.window=0.02", "-q"];
+    let stop = "stop={ unbalanced_force = 0.5, speed = 10, window = 0.02 }";
+    let sets = ["--set", stop, "-q"];
     let ended = Job::alone(folder.path(), &["scene.toml", "-o", "one.vtkhdf"]).and(&sets).run().with_code(0);
-    assert!(ended.line("at rest").contains("by stop.unbalanced_force for 0.02 s"), "{}", ended.stdout);
+    assert!(
+        ended.line("at rest").contains("by stop.unbalanced_force for 0.02 s, no particle faster than 10 m/s"),
+        "{}",
+        ended.stdout
+    );
     Job::on(3, folder.path(), &["scene.toml", "-o", "three.vtkhdf"]).and(&sets).run().with_code(0);
     let [one, three] =
         ["one", "three"].map(|name| Results::open(&folder.path().join(format!("{name}.vtkhdf"))));

@@ -211,7 +211,7 @@ fn a_run_that_looks_out_for_rest_is_the_same_until_it_ends_and_so_is_its_second_
     let seen = |film: &Film| film.0.iter().map(|frame| (frame.0, frame.1.clone())).collect::<Vec<_>>();
     assert_eq!(seen(&watched), seen(&plain));
     // The run may end early, at rest. If it is stopped before that and resumed, it ends at the same time.
-    let stops = scene(&[FRICTION, "stop={ unbalanced_force = 0.5, window = 0.02 }"]);
+    let stops = scene(&[FRICTION, "stop={ unbalanced_force = 0.5, speed = 10, window = 0.02 }"]);
     let whole = part(&stops, 1, &path, false, u64::MAX);
     let end = f64::from_bits(whole.0.last().unwrap().0);
     assert!(end > 0.2 && end < 0.7, "{end} s");
@@ -220,8 +220,11 @@ fn a_run_that_looks_out_for_rest_is_the_same_until_it_ends_and_so_is_its_second_
     film.0.extend(part(&stops, 2, &path, true, u64::MAX).0);
     assert_eq!(film, whole);
     // A run that is resumed from the checkpoint at its end comes to the same end again.
-    let saves =
-        scene(&[FRICTION, "stop={ unbalanced_force = 0.5, window = 0.02 }", "checkpoint.interval=100"]);
+    let saves = scene(&[
+        FRICTION,
+        "stop={ unbalanced_force = 0.5, speed = 10, window = 0.02 }",
+        "checkpoint.interval=100",
+    ]);
     assert_eq!(part(&saves, 2, &path, false, u64::MAX), whole);
     let again = part(&saves, 1, &path, true, u64::MAX);
     assert!(!again.0.is_empty());
