@@ -78,7 +78,7 @@ fn a_bed_turned_with_its_walls_and_gravity_has_the_same_measures() {
     let none = Rotation3::identity();
     for request in [RegionRequest::Bed, RegionRequest::Whole, RegionRequest::Layer([0.2, 0.8])] {
         let upright = measures(&none, &Vec3::zeros(), &request);
-        assert!(upright.len() > 600);
+        assert!(upright.len() > 400, "a layer has fewer sections, but all kinds of measures");
         for (turn, away) in [
             (Rotation3::from_euler_angles(0.3, -0.8, 1.9), Vec3::new(3.0, -1.0, 0.5)),
             (Rotation3::from_euler_angles(0.0, std::f64::consts::FRAC_PI_2, 0.0), Vec3::zeros()),
