@@ -274,7 +274,7 @@ mod tests {
                 text += &format!("[{table}]\n");
             }
             for key in of_table(table) {
-                let alternative = ["particles.file", "solver.step"].contains(&key.path);
+                let alternative = ["particles.density", "particles.file", "solver.step"].contains(&key.path);
                 if !matches!(key.kind, Table) && !alternative {
                     text += &format!("{} = {}\n", key.name(), key.example);
                 }
@@ -292,7 +292,8 @@ mod tests {
     fn the_keys_of_the_list_are_the_keys_of_the_structs() {
         let scene = Scene::parse("examples.toml", &scene_of_examples(), &[]).unwrap();
         let resolved: toml::Table = scene.resolved().parse().unwrap();
-        let mut paths = vec!["particles.file".to_owned(), "solver.step".to_owned()];
+        let mut paths: Vec<_> =
+            ["particles.density", "particles.file", "solver.step"].map(str::to_owned).into();
         fn collect(table: &toml::Table, above: &str, paths: &mut Vec<String>) {
             for (name, value) in table {
                 let path = format!("{above}{name}");

@@ -205,7 +205,7 @@ mod tests {
         ];
         assert_eq!(
             advice(&records, &[]),
-            "For positions right to 1e-3 m at t = 0.6000 s take auto at tolerance 1e-3: \
+            "For positions right to 1e-3 m at t = 0.6 s take auto at tolerance 1e-3: \
              15 280 right-hand sides, error 9e-4; \
              ten times more accuracy costs 1.9 times as much (auto at tolerance 1e-4)."
         );
