@@ -18,6 +18,7 @@
 use super::Forces;
 use super::block_bodies::BlockBodies;
 use super::blocks::each_block;
+use crate::engine::kernel::{Closing, for_closing_pairs};
 use crate::engine::neighbors::Block;
 use crate::math::larger;
 use crate::model::columns::{position, velocity};
@@ -92,12 +93,12 @@ impl Forces {
     ///
     /// A contact across ranks is seen by both.
     pub fn fastest_approach(&mut self, least: f64, within: f64) -> f64 {
-        let Forces { kernel, parameters, lists, bounds, block_bodies, width, .. } = self;
+        let Forces { kernel, parameters, lists, bounds, block_bodies, width, set, .. } = self;
         let (law, width) = (kernel.law(), *width);
-        let work = |(blocks, block_bodies): (&[Block], &[BlockBodies]), ()| {
+        let work = |(blocks, block_bodies): (&[Block], &mut [BlockBodies]), ()| {
             let gravity = parameters.gravity.norm();
             let mut approach = Approach { law, mass: parameters.mass, within, gravity, most: least };
-            let (block, bodies) = (&blocks[0], &block_bodies[0].bodies);
+            let (block, BlockBodies { bodies, batch, .. }) = (&blocks[0], &mut block_bodies[0]);
             let squares = bodies.chunks_exact(width).map(|body| velocity(body).norm_squared());
             let fastest = squares.fold(0.0, larger).sqrt();
             // No approach is faster than the sum of two speeds. The margin is more than rounding.
@@ -105,12 +106,15 @@ impl Forces {
                 return least;
             }
             let body = |slot: u32| &bodies[slot as usize * width..];
-            for &[i, j] in &block.pairs {
+            let (slow, reach) = (approach.slow(), 2.0 * law.r + within);
+            let closing = Closing { bodies, width, pairs: &block.pairs, batch, slow, reach };
+            for_closing_pairs(*set, closing, &mut |[i, j]| {
                 let (a, b) = (body(i), body(j));
                 let apart = position(a) - position(b);
                 let closing = -apart.dot(&(velocity(a) - velocity(b)));
                 approach.take(closing, apart.norm_squared(), 2.0 * law.r, 0.5);
-            }
+                approach.slow()
+            });
             for &[i, wall] in &block.walls {
                 let (body, wall) = (body(i), &parameters.walls[wall as usize]);
                 let (depth, speed) = (wall.depth(&position(body)), wall.normal.dot(&velocity(body)));
@@ -120,7 +124,7 @@ impl Forces {
             }
             approach.most
         };
-        let most = each_block(bounds, (&lists.blocks[..], &block_bodies[..]), (), &work, &larger);
+        let most = each_block(bounds, (&lists.blocks[..], &mut block_bodies[..]), (), &work, &larger);
         if most > least { most } else { 0.0 }
     }
 }

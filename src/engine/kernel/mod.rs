@@ -28,9 +28,11 @@ use crate::model::history::{History, Partner, SHEAR, Touch};
 use crate::model::rolling::Resistance;
 use crate::model::wall::Wall;
 pub use batch::Batch;
+pub use closing::{Closing, for_closing_pairs};
 pub use measure::{GapMeasure, Survey, Take, measure_gaps};
 
 mod batch;
+mod closing;
 mod measure;
 
 /// What turns forces and torques into accelerations.
