@@ -330,7 +330,7 @@ fn long_window_warning(scene: &Scene, start: &InitialCondition) -> Option<String
         format!(
             "warning: [stop] cannot end the run: its window of {} s (stop.window) is not shorter than t_end = \
              {} s",
-            short(window),
+            rough(window),
             short(scene.t_end)
         )
     })

@@ -102,8 +102,8 @@ fn at_rest(rest: Rest) -> String {
     let and = if rest.is_speed_alone() { "" } else { ", and " };
     format!(
         "ends the run: {any}{and}no particle faster than {} m/s, for {} s",
-        short(rest.speed),
-        short(rest.window)
+        rough(rest.speed),
+        rough(rest.window)
     )
 }
 
@@ -312,7 +312,7 @@ pub fn summary(
     );
     line("step sizes", step_sizes(&limits));
     if let (Some(by), Some(rest)) = (outcome.at_rest_by, outcome.rest) {
-        let [window, speed] = [rest.window, rest.speed].map(short);
+        let [window, speed] = [rest.window, rest.speed].map(rough);
         line("at rest", format!("by {by} for {window} s, no particle faster than {speed} m/s"));
     }
     line("method", format!("{}; {}", outcome.choice, step_control(scene, outcome.tolerance)));
