@@ -12,7 +12,7 @@ const EXAMPLES: [(&str, &str); 6] = [
     ("observer", "t = 0.8 s: sphere 3 is the fastest"),
     ("own_friction", "exact at the end: 0.067668 m/s"),
     ("own_ode", "after one period of 6.2832: off by"),
-    ("read_run_file", "sphere 0 and wall 4: 8.12e-3 m, 19.62 N"),
+    ("read_run_file", "sphere 0 and z = 0 m: 8.12e-3 m, 19.62 N"),
     ("settle_bed", "porosity of the bed, without its top: 0.4"),
 ];
 
