@@ -52,8 +52,8 @@ impl<const N: usize> Vectorised for Search<'_, N> {
                 let apart = batch.normal(k);
                 let (d2, opening) = (dot::<L>(&apart, &apart), dot::<L>(&apart, &batch.velocity(k)));
                 // What is NaN counts: the fault has to show.
-                let counts = !(opening >= 0.0) & !(opening * opening <= too_slow * d2) & !(d2 > far);
-                batch.near[k] = u64::from(counts);
+                let idle = (opening >= 0.0) | (opening * opening <= too_slow * d2) | (d2 > far);
+                batch.near[k] = u64::from(!idle);
             }
             for (k, &pair) in pairs.iter().enumerate() {
                 if batch.near[k] != 0 {
