@@ -96,7 +96,8 @@ fn a_hangup_stops_a_run_with_a_checkpoint_but_not_one_under_nohup() {
     let folder = folder();
     for (before, ends) in [("", 5), ("nohup ", 0)] {
         let script = format!("exec {before}\"$PROGRAM\" scene.toml --force --threads 1 --set t_end=50");
-        let script = script + " --set output.interval=0.01";
+        // So many frames that the signal comes before the end of the fastest run.
+        let script = script + " --set output.interval=0.001";
         let job = Job::alone(folder.path(), &["-c", &script]).of("/bin/sh".into());
         let mut job = job.with_variable("PROGRAM", PROGRAM).start();
         job.wait_for_frames(10);
