@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 /// Seconds that a job may live on after it was asked to stop, or after a fault.
-const DEADLINE: u64 = 20;
+const DEADLINE: u64 = 90;
 /// How often each is tried: once here, 20 times in launch/test-long.sh.
 const TRIES: usize = if cfg!(feature = "long-tests") { 20 } else { 1 };
 
