@@ -17,8 +17,8 @@ const LOCK: &str = ".demhybrid.lock";
 
 /// Creates the folder, or says why it cannot be used. A folder with files in it needs `force`.
 ///
-/// Nobody else writes there as long as the lock lives. It also shows, before hours of work, that the folder is
-/// not read-only.
+/// Nobody else writes there as long as the lock lives. It also shows, before hours of work, that the folder
+/// is not read-only.
 pub fn prepare(folder: &Path, force: bool) -> Result<Lock, Error> {
     let refuse = |why: String| Error::Input(format!("--output {}: {why}", folder.display()));
     if folder.exists() && !folder.is_dir() {

@@ -134,7 +134,8 @@ impl FrameData<'_> {
     }
 }
 
-/// Distance of the corners of a sphere's triangles from its centre, in radii; `subdivisions` as in [`Options`].
+/// Distance of the corners of a sphere's triangles from its centre, in radii; `subdivisions` as in
+/// [`Options`].
 pub fn reach_of_triangles(subdivisions: Option<u32>) -> f64 {
     stl::reach(subdivisions.unwrap_or(SUBDIVISIONS))
 }

@@ -1,6 +1,7 @@
 //! Surfaces as binary STL. A sphere is an icosahedron with divided triangles, projected onto a sphere.
 //!
-//! That sphere is a little larger than the particle, so that the triangles enclose the volume of the particle.
+//! That sphere is a little larger than the particle, so that the triangles enclose the volume of the
+//! particle.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;

@@ -328,8 +328,8 @@ fn long_window_warning(scene: &Scene, start: &InitialCondition) -> Option<String
     let window = Rest::of(scene, initial_condition::velocity_scale(scene, start))?.window;
     (window >= scene.t_end).then(|| {
         format!(
-            "warning: [stop] cannot end the run: its window of {} s (stop.window) is not shorter than t_end = \
-             {} s",
+            "warning: [stop] cannot end the run: its window of {} s (stop.window) is not shorter than \
+             t_end = {} s; a window of a tenth of that would do",
             rough(window),
             short(scene.t_end)
         )

@@ -42,7 +42,8 @@ fn a_cut_force_is_warned_of_with_the_distance_that_would_do() {
 #[test]
 fn walls_given_twice_are_warned_of() {
     assert!(double_wall_warnings(&scene(&[])).is_empty());
-    let floor = "container.wall=[{ point = [5, 5, 0], normal = [0, 0, -2] }, { point = [0, 0, 9], normal = [0, 0, 1] }]";
+    let floor = "container.wall=[{ point = [5, 5, 0], normal = [0, 0, -2] }, \
+                                 { point = [0, 0, 9], normal = [0, 0, 1] }]";
     let warnings = double_wall_warnings(&scene(&[floor]));
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     assert!(warnings[0].contains("container.wall[0]") && warnings[0].contains("z = 0 m"), "{warnings:?}");

@@ -42,9 +42,9 @@ impl Monitor {
     /// A monitor for a scene with the particles `start`.
     ///
     /// Particles can leave along an axis that no wall blocks and along which gravity does not pull them back.
-    /// If there is no wall at all, there is no container to leave. Where gravity pulls towards a wall, such as a
-    /// floor, everything comes back to it: what rolls away over an open floor, or rides on others, is still
-    /// there.
+    /// If there is no wall at all, there is no container to leave. Where gravity pulls towards a wall, such
+    /// as a floor, everything comes back to it: what rolls away over an open floor, or rides on others, is
+    /// still there.
     pub fn new(scene: &Scene, start: &InitialCondition) -> Self {
         let (walls, names): (Vec<Wall>, Vec<String>) = described_walls(&scene.container).into_iter().unzip();
         let gravity = Vec3::from(scene.gravity);

@@ -62,7 +62,8 @@ impl Simulation<'_> {
         Err(Error::TooFast { t: self.step_start.t, h, i, travel: self.dynamics.travel() })
     }
 
-    /// Returns an error if contacts are pressed so hard that the smallest step is too long for them. Collective.
+    /// Returns an error if contacts are pressed so hard that the smallest step is too long for them.
+    /// Collective.
     pub(super) fn fail_if_pressed(&mut self) -> Result<(), Error> {
         let (t, min_step) = (self.step_start.t, self.control.min_step);
         let (_, overlap) = self.dynamics.potential_energy(&self.step_start.y[..]);
