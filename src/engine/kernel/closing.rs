@@ -63,3 +63,40 @@ impl<const N: usize> Vectorised for Search<'_, N> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::columns::{position, velocity};
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn all_fast_approaches_are_found_with_and_without_spins_and_hardly_any_others() {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        // Two full batches and a rest that fills no row of lanes.
+        let pairs: Vec<[u32; 2]> = (0..2 * BATCH as u32 + 3).map(|k| [k % 40, 40 + k % 37]).collect();
+        let (slow, reach) = (0.3, 0.9);
+        for width in [SPIN.start, SPIN.end] {
+            let mut bodies: Vec<f64> = (0..77 * width).map(|_| random.random_range(-0.5..0.5)).collect();
+            // A fault must not be passed over.
+            bodies[3] = f64::NAN;
+            let mut found = Vec::new();
+            let closing =
+                Closing { bodies: &bodies, width, pairs: &pairs, batch: &mut Batch::default(), slow, reach };
+            for_closing_pairs(InstructionSet::chosen().unwrap(), closing, &mut |pair| {
+                found.push(pair);
+                slow
+            });
+            let counts = |[i, j]: [u32; 2]| {
+                let [a, b] = [i, j].map(|slot| &bodies[slot as usize * width..]);
+                let apart = position(a) - position(b);
+                let closing = -apart.dot(&(velocity(a) - velocity(b))) / apart.norm();
+                (closing.is_nan() || closing > slow) && apart.norm() <= reach
+            };
+            let expected: Vec<_> = pairs.iter().copied().filter(|&pair| counts(pair)).collect();
+            assert!((20..pairs.len() / 2).contains(&expected.len()), "{}", expected.len());
+            // No pair of these is within the margin of rounding.
+            assert_eq!(found, expected);
+        }
+    }
+}
