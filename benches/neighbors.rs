@@ -2,7 +2,7 @@
 //! compare.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use demhybrid::engine::neighbors::{Lists, Order};
+use demhybrid::engine::neighbors::{Lists, Order, Reach};
 use demhybrid::math::vector::Vec3;
 
 mod common;
@@ -19,7 +19,7 @@ fn neighbors(c: &mut Criterion) {
         let mut lists = Lists::default();
         group.throughput(Throughput::Elements(n as u64));
         group.bench_function(BenchmarkId::from_parameter(n), |b| {
-            b.iter(|| lists.rebuild(&x, &keys, n, 0.36, (&[], 0.0), 1))
+            b.iter(|| lists.rebuild(&x, &keys, n, Reach::of_centres(0.36, 0.0), &[], 1))
         });
     }
 }

@@ -44,7 +44,7 @@ fn main() {
 
     let mut method = RungeKutta::new(&DORMAND_PRINCE);
     let mut control = StepControl::new(StepRule::ProportionalIntegral, 1e-9, 1e-9, 0.5);
-    let norm = Norm { weights: vec![vec![1.0; 4]], rate: false, mean: None };
+    let norm = Norm { weights: vec![vec![1.0; 4]], rate: false, mean: None, rows: Vec::new() };
     let (mut start, mut trial) = (StepStart::new(0.0, nearest.to_vec()), TrialStep::default());
     let (mut h, mut accepted, mut evaluations) = (1e-3, 0, 0);
     while start.t < period {

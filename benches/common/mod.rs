@@ -56,5 +56,5 @@ pub fn simulation_on<'c>(comm: &'c dyn Comm, scene: &Scene, start: &InitialCondi
 /// A norm in which all components have the weight 1.
 pub fn norm(simulation: &Simulation, rate: bool) -> Norm {
     let width = simulation.dynamics().columns().width(Changes::EveryStage);
-    Norm { weights: vec![vec![1.0; width]], rate, mean: None }
+    Norm { weights: vec![vec![1.0; width]], rate, mean: None, rows: Vec::new() }
 }

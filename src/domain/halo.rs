@@ -70,26 +70,23 @@ impl Halo {
         self.picks.iter().map(|&i| i as usize)
     }
 
-    /// Makes the plan: an owned particle within `cutoff` (m) of another rank's extent along `axis` becomes a
-    /// ghost there. Collective.
+    /// Makes the plan: an owned particle that `is_near` another rank becomes a ghost there. Collective.
     ///
-    /// `ids` and `y` are those of the owned particles, `extents` has one entry for each rank. Returns the ids
-    /// of this rank's ghosts, in the order in which `refresh` delivers them.
+    /// `ids` are those of the owned particles, of which `is_near` takes the rank and the index. Rows of the
+    /// state have `width` numbers. Returns the ids of this rank's ghosts, in the order in which `refresh`
+    /// delivers them.
     pub fn plan(
         &mut self,
         comm: &dyn Comm,
         ids: &[u64],
-        (y, width): (&[f64], usize),
-        (axis, extents): (usize, &[Extent]),
-        cutoff: f64,
+        width: usize,
+        is_near: &dyn Fn(usize, usize) -> bool,
     ) -> Vec<u64> {
         self.picks.clear();
         let mut counts = vec![0; comm.size()];
-        for (q, extent) in extents.iter().enumerate().filter(|(q, _)| *q != comm.rank()) {
+        for q in (0..comm.size()).filter(|&q| q != comm.rank()) {
             let first = self.picks.len();
-            let rows = y.chunks_exact(width).enumerate();
-            let near = rows.filter(|(_, row)| extent.is_near(row[axis], cutoff));
-            self.picks.extend(near.map(|(i, _)| i as u32));
+            self.picks.extend((0..ids.len()).filter(|&i| is_near(q, i)).map(|i| i as u32));
             counts[q] = (self.picks.len() - first) as u64;
         }
         let received = comm.transpose(&counts);
@@ -194,7 +191,8 @@ mod tests {
                     .map(|q| Extent::of((0..40).filter(|&id| owner(id) == q && q != 3).map(|id| body(id)[2])))
                     .collect();
                 let mut halo = Halo::default();
-                let ghost_ids = halo.plan(comm, &ids, (&y, 5), (2, &extents), 0.25);
+                let is_near = |q: usize, i: usize| extents[q].is_near(y[5 * i + 2], 0.25);
+                let ghost_ids = halo.plan(comm, &ids, 5, &is_near);
                 let own_z = 0.1 * comm.rank() as f64;
                 let mut expected: Vec<u64> = (0..40)
                     .filter(|&id| owner(id) != comm.rank() && owner(id) != 3)

@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::math::digits;
 use crate::model::columns::Column;
 use crate::scene::initial_condition::{self, InitialCondition};
-use crate::scene::{Scene, effects};
+use crate::scene::{LeftOut, Scene, effects};
 use std::iter;
 use std::path::Path;
 
@@ -25,7 +25,20 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
         })
     })?;
     let name = path.to_string_lossy();
-    let mut scene = Scene::parse(&name, &text, sets)?;
+    let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
+    let LeftOut { file, radius, mass, density } = LeftOut::of(&name, &text, sets)?;
+    let mut sets = sets.to_vec();
+    if let Some(file) = file.filter(|_| radius.is_none() || !mass) {
+        let means = share(comm, || {
+            let table = initial_condition::read_table(&file, &folder, true)?;
+            Ok(serde_json::to_string(&table.means(radius)).expect("these are numbers"))
+        })?;
+        let [own_radius, own_mass]: [Option<f64>; 2] = serde_json::from_str(&means).unwrap_or_default();
+        let set = |key: &str, number: f64| format!("particles.{key}={number:?}");
+        sets.extend(own_radius.filter(|_| radius.is_none()).map(|r| set("radius", r)));
+        sets.extend(own_mass.filter(|_| !mass).map(|mass| set("mass", mass)));
+    }
+    let mut scene = Scene::parse(&name, &text, &sets)?;
     // A TOML integer holds 63 bits. With a longer seed the scene in the run file could not be read again.
     let seed = share(comm, || Ok((rand::random::<u64>() >> 1).to_string()))?;
     scene.set_seed_if_missing(seed.parse().expect("it was printed as a number"));
@@ -35,13 +48,13 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
             initial_condition::grid(&scene, grid)
         }
         None => {
-            let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
             let mut read = Ok(InitialCondition::default());
             share(comm, || {
                 read = initial_condition::read_csv(&scene, &folder);
                 read.as_ref().map(|_| String::new()).map_err(Clone::clone)
             })?;
-            let start = share_start(comm, read?);
+            let mut start = share_start(comm, read?);
+            start.settle_sizes(&mut scene, density);
             agree(comm, check_memory(comm, &scene, start.x.len() as u64))?;
             start
         }
@@ -128,7 +141,7 @@ mod tests {
     fn every_rank_gets_all_that_rank_0_has() {
         let column = |name: &str, width| {
             let (name, unit, changes) = (name.to_owned(), "1".to_owned(), Changes::WithLists);
-            Column { name, width, unit, changes, in_file: true }
+            Column { name, width, unit, changes, in_file: true, names: Vec::new() }
         };
         let start = InitialCondition {
             x: vec![[0.0, 0.1, 0.2], [1.0, 1.1, 1.2]],

@@ -1,7 +1,7 @@
 //! Neighbour lists: which particles may touch each other, and which walls they may touch.
 //!
-//! A grid of cells finds all pairs within a cutoff. The cutoff includes a skin, so the lists stay valid until
-//! a particle has moved by half the skin.
+//! Grids of cells find all pairs within a cutoff. The cutoff includes a skin, so the lists stay valid until a
+//! particle has moved by half the skin. Particles of unequal sizes have a grid for each octave of radii.
 //!
 //! The owned particles of a rank are divided into blocks, each with its own lists, see [`Block`]. A particle
 //! is known by three numbers: its id in the whole system, its local index on a rank, and its slot in a block.
@@ -9,8 +9,10 @@
 //! Local indices begin with the owned particles, in summation order; the ghosts of the rank follow. Slots
 //! begin with the own particles of the block, in the same order; the ghosts of the block follow.
 
-use crate::math::cells::{Cells, coordinate};
+use crate::math::cells::coordinate;
+use crate::math::sized_cells::SizedCells;
 use crate::math::vector::Vec3;
+use crate::model::size::{Size, Sizes};
 use crate::model::wall::Wall;
 use crate::threads;
 use std::ops::Range;
@@ -128,12 +130,32 @@ impl Block {
         self.walls.iter().map(|&[slot, wall]| [self.index(slot), wall as usize])
     }
 
-    /// Picks the listed pairs within `cutoff` (m) for `near`, and the walls within `wall_cutoff` (m) of a
-    /// centre for `near_walls`. `x` (m) are the centres of the bodies of the block, by slot.
-    pub fn pick_near(&mut self, x: &[Vec3], cutoff: f64, (walls, wall_cutoff): (&[Wall], f64)) {
+    /// Picks the listed pairs for `near` whose centres are within `reach`, and for `near_walls` the walls that
+    /// are. `x` (m) are the centres of the bodies of the block, and the sizes of `reach` those, by slot.
+    pub fn pick_near(&mut self, x: &[Vec3], reach: Reach, walls: &[Wall]) {
+        match reach.sizes {
+            Sizes::Equal(_) => {
+                let [pair, wall] = [reach.of_pair(0, 0), reach.of_wall(0)];
+                self.pick_within(x, |_| pair, walls, |_| wall);
+            }
+            Sizes::Each(_) => {
+                let pair = |[i, j]: [u32; 2]| reach.of_pair(i as usize, j as usize);
+                self.pick_within(x, pair, walls, |i| reach.of_wall(i as usize));
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn pick_within(
+        &mut self,
+        x: &[Vec3],
+        cutoff: impl Fn([u32; 2]) -> f64,
+        walls: &[Wall],
+        wall_cutoff: impl Fn(u32) -> f64,
+    ) {
         self.near_walls.clear();
         // A distance that is NaN must not count as far: the fault has to show in the forces.
-        let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&x[i as usize]) > wall_cutoff;
+        let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&x[i as usize]) > wall_cutoff(i);
         self.near_walls.extend(self.walls.iter().copied().filter(|contact| !far(contact)));
         // Without a branch: every pair is written, and the next one overwrites it if it is far.
         self.near.resize(self.pairs.len(), [0; 2]);
@@ -142,6 +164,7 @@ impl Block {
             let apart = x[pair[0] as usize] - x[pair[1] as usize];
             self.near[kept] = pair;
             // NaN must not count as far here either.
+            let cutoff = cutoff(pair);
             let far = apart.norm_squared() > cutoff * cutoff;
             kept += usize::from(!far);
         }
@@ -200,6 +223,41 @@ fn find_places(listed: &[[u32; 2]], near: &[[u32; 2]], places: &mut Vec<u32>) {
     places.extend(near.iter().filter_map(|contact| Some(rest.find(|(_, other)| *other == contact)?.0)));
 }
 
+/// Up to which distances of the centres pairs and walls count.
+#[derive(Debug, Clone, Copy)]
+pub struct Reach<'a> {
+    /// The sizes of the particles.
+    pub sizes: Sizes<'a>,
+    /// For pairs and for walls: a share of the radii.
+    pub shares: [f64; 2],
+    /// What is added to it, m.
+    pub gaps: [f64; 2],
+}
+
+impl<'a> Reach<'a> {
+    /// The same distances (m) for all pairs, and for all walls.
+    pub fn of_centres(pairs: f64, walls: f64) -> Self {
+        Reach { sizes: Sizes::Equal(Size::new(0.0, 1.0)), shares: [0.0; 2], gaps: [pairs, walls] }
+    }
+
+    /// Up to this distance of their centres two particles count, m.
+    #[inline(always)]
+    pub fn of_pair(&self, i: usize, j: usize) -> f64 {
+        self.between(self.sizes.of(i).r, self.sizes.of(j).r)
+    }
+
+    /// Up to this distance of its centre from a wall a particle counts, m.
+    #[inline(always)]
+    pub fn of_wall(&self, i: usize) -> f64 {
+        self.shares[1] * self.sizes.of(i).r + self.gaps[1]
+    }
+
+    #[inline(always)]
+    fn between(&self, a: f64, b: f64) -> f64 {
+        self.shares[0] * (a + b) + self.gaps[0]
+    }
+}
+
 /// Neighbour lists of a rank: all pairs and walls that its owned particles can touch before a particle has
 /// moved by half the skin.
 #[derive(Debug, Default)]
@@ -209,24 +267,23 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Lists all pairs with an owned particle whose centres are within `cutoff` (m), in this number of
-    /// `blocks`.
+    /// Lists all pairs with an owned particle whose centres are within `reach`, in this number of `blocks`.
     ///
-    /// `walls` holds the walls and a distance (m). Walls within that distance of an owned centre are listed
-    /// too.
+    /// `walls` within reach of an owned centre are listed too.
     ///
-    /// `x` (m) and `keys` hold the `owned` particles first, by ascending key, then the ghosts of the rank.
+    /// `x` (m), the sizes of `reach` and `keys` hold the `owned` particles first, by ascending key, then the
+    /// ghosts of the rank.
     pub fn rebuild(
         &mut self,
         x: &[Vec3],
         keys: &[Key],
         owned: usize,
-        cutoff: f64,
-        walls: (&[Wall], f64),
+        reach: Reach,
+        walls: &[Wall],
         blocks: usize,
     ) {
         let bounds: Vec<usize> = (0..=blocks).map(|b| owned * b / blocks).collect();
-        self.rebuild_between(&bounds, x, keys, cutoff, walls);
+        self.rebuild_between(&bounds, x, keys, reach, walls);
     }
 
     /// `rebuild` in blocks with these `bounds`, which ascend from 0 to the number of owned particles.
@@ -235,13 +292,18 @@ impl Lists {
         bounds: &[usize],
         x: &[Vec3],
         keys: &[Key],
-        cutoff: f64,
-        walls: (&[Wall], f64),
+        reach: Reach,
+        walls: &[Wall],
     ) {
         let owned = bounds[bounds.len() - 1];
         debug_assert!(keys[..owned].is_sorted(), "the owned particles are in the order of sums");
         assert!(x.len() < 1 << 32, "a rank knows fewer than 2^32 particles: more ranks share the work");
-        let cells = Cells::new(x, cutoff);
+        let alike = matches!(reach.sizes, Sizes::Equal(_));
+        let radius = |i: usize| reach.sizes.of(i).r;
+        let own = if alike { reach.of_pair(0, 0) } else { 0.0 };
+        // Of particles that are alike all pairs have one reach.
+        let between = |a: f64, b: f64| if alike { own } else { reach.between(a, b) };
+        let cells = SizedCells::new(x, (!alike).then_some(&radius), &between);
         let mut order: Vec<u32> = (0..x.len() as u32).collect();
         order.sort_unstable_by_key(|&i| keys[i as usize]);
         let mut position = vec![0; x.len()];
@@ -253,8 +315,8 @@ impl Lists {
             block.range = ends[0]..ends[1];
         }
         threads::each(&mut self.blocks, &|block: &mut Block| {
-            block.list_pairs(x, &cells, [&position, &order], cutoff);
-            block.list_walls(x, walls);
+            block.list_pairs(x, (&cells, &between), [&position, &order], reach);
+            block.list_walls(x, walls, reach);
         });
     }
 
@@ -307,24 +369,30 @@ impl Lists {
 }
 
 impl Block {
-    /// Lists all pairs with an own particle whose centres are within `cutoff` (m).
+    /// Lists all pairs with an own particle whose centres are within `reach`.
     ///
     /// `position` holds the position of each particle in the summation order, by local index. `order` is its
     /// inverse: the local index of the particle at each position.
-    fn list_pairs(&mut self, x: &[Vec3], cells: &Cells, [position, order]: [&[u32]; 2], cutoff: f64) {
+    fn list_pairs(
+        &mut self,
+        x: &[Vec3],
+        (cells, between): (&SizedCells, &(dyn Fn(f64, f64) -> f64 + Sync)),
+        [position, order]: [&[u32]; 2],
+        reach: Reach,
+    ) {
         // As positions: pairs whose earlier particle is an own one, and the others.
         let (mut own, mut foreign) = (Vec::new(), Vec::new());
         for i in self.range.clone() {
             let first = own.len();
-            cells.for_each_near(&x[i], |j| {
-                let j = j as usize;
+            cells.for_each_near(&x[i], reach.sizes.of(i).r, between, |j| {
                 let (here, there) = (position[i], position[j]);
                 // A pair of two own particles is found twice. It is kept where `i` is the earlier one.
                 let earlier = here < there;
-                if j != i
-                    && (earlier || !self.range.contains(&j))
-                    && (x[i] - x[j]).norm_squared() <= cutoff * cutoff
-                {
+                if j == i || !earlier && self.range.contains(&j) {
+                    return;
+                }
+                let cutoff = reach.of_pair(i, j);
+                if (x[i] - x[j]).norm_squared() <= cutoff * cutoff {
                     if earlier { own.push([here, there]) } else { foreign.push([there, here]) }
                 }
             });
@@ -368,10 +436,11 @@ impl Block {
         }
     }
 
-    /// Lists the walls that are within `cutoff` (m) of the centres of own particles.
-    fn list_walls(&mut self, x: &[Vec3], (walls, cutoff): (&[Wall], f64)) {
+    /// Lists the walls that are within `reach` of the centres of own particles.
+    fn list_walls(&mut self, x: &[Vec3], walls: &[Wall], reach: Reach) {
         self.walls.clear();
         for i in self.range.clone() {
+            let cutoff = reach.of_wall(i);
             let near = walls.iter().enumerate().filter(|(_, wall)| wall.depth(&x[i]) <= cutoff);
             self.walls.extend(near.map(|(k, _)| [(i - self.range.start) as u32, k as u32]));
         }
@@ -402,7 +471,7 @@ mod tests {
         blocks: usize,
     ) -> (Lists, BTreeSet<[u64; 2]>) {
         let mut lists = Lists::default();
-        lists.rebuild(x, keys, owned, cutoff, (&[], 0.0), blocks);
+        lists.rebuild(x, keys, owned, Reach::of_centres(cutoff, 0.0), &[], blocks);
         let mut set = BTreeSet::new();
         for block in &lists.blocks {
             let pairs: Vec<[Key; 2]> =
@@ -484,7 +553,7 @@ mod tests {
         for block in &mut lists.blocks {
             let slots = 0..(block.range.len() + block.ghosts.len()) as u32;
             let centres: Vec<_> = slots.map(|slot| x[block.index(slot)]).collect();
-            block.pick_near(&centres, 0.25, (&[], 0.0));
+            block.pick_near(&centres, Reach::of_centres(0.25, 0.0), &[]);
             let at = |slot: &u32| centres[*slot as usize];
             let within = |[i, j]: &[u32; 2]| (at(i) - at(j)).norm() <= 0.25;
             let expected: Vec<_> = block.pairs.iter().copied().filter(within).collect();
@@ -499,7 +568,7 @@ mod tests {
         let x = [Vec3::new(0.9, 0.0, 0.15), Vec3::new(0.5, 0.0, 0.1), Vec3::new(0.5, 0.0, 0.5)];
         let mut lists = Lists::default();
         let keys = [4, 5, 6].map(|id| ([0; 3], id));
-        lists.rebuild(&x, &keys, 3, 0.01, (&walls, 0.2), 1);
+        lists.rebuild(&x, &keys, 3, Reach::of_centres(0.01, 0.2), &walls, 1);
         assert_eq!(lists.blocks[0].walls, [[0, 0], [0, 1], [1, 0]]);
     }
 

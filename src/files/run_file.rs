@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::sync::Arc;
 
 use hdf5::types::{TypeDescriptor, VarLenUnicode};
 
 use crate::error::Error;
 use crate::files::names::Series;
-use crate::files::output::{self, Found};
+use crate::files::output::{self, Found, Species};
+use crate::model::size::{Size, Sizes};
 use crate::scene::Scene;
 
 /// The output file of a run, open for reading.
@@ -23,6 +25,10 @@ pub struct RunFile {
     pub count: u64,
     /// Whether the run is complete.
     pub completed: bool,
+    /// The size of each particle; none where all have that of the scene.
+    pub sizes: Arc<[Size]>,
+    /// The species of the particles, if they have any.
+    pub species: Option<Species>,
 }
 
 /// The state of all particles in one frame, in the order of their ids.
@@ -38,6 +44,18 @@ pub struct State {
     pub v: Vec<[f64; 3]>,
     /// Angular velocities, 1/s; none if the scene has no rotation.
     pub omega: Option<Vec<[f64; 3]>>,
+    /// The size of each particle; none where all have that of the scene.
+    pub sizes: Arc<[Size]>,
+}
+
+impl State {
+    /// The sizes of the particles, in a run of `scene`.
+    pub fn sizes(&self, scene: &Scene) -> Sizes<'_> {
+        match &self.sizes[..] {
+            [] => Sizes::Equal(Size::new(scene.particles.radius, scene.particles.mass)),
+            sizes => Sizes::Each(sizes),
+        }
+    }
 }
 
 /// The frames that a command reads.
@@ -101,7 +119,9 @@ impl RunFile {
         let scene =
             Scene::parse("", &scene, &[]).map_err(|why| unusable(format!("its scene is broken: {why}")))?;
         let file = hdf5::File::open(path).map_err(|why| unusable(why.to_string()))?;
-        Ok(RunFile { path: path.to_path_buf(), file, scene, frames, count, completed })
+        let (sizes, species) = output::sizes(&file, count).map_err(unusable)?;
+        let (path, sizes) = (path.to_path_buf(), sizes.into());
+        Ok(RunFile { path, file, scene, frames, count, completed, sizes, species })
     }
 
     /// Path of the file.
@@ -133,6 +153,7 @@ impl RunFile {
             x: state.x,
             v: state.v,
             omega: self.scene.rotates().then_some(state.omega),
+            sizes: self.sizes.clone(),
         })
     }
 

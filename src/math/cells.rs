@@ -62,16 +62,22 @@ impl Cells {
         ((wrap(2) * self.dims[1] + wrap(1)) * self.dims[0] + wrap(0)) as usize
     }
 
-    /// Calls `visit` once for the index of every point in the cell of `x` (m) and in the cells around it, in
-    /// any order.
-    pub fn for_each_near(&self, x: &Vec3, mut visit: impl FnMut(u32)) {
+    /// Calls `visit` once for the index of every point within the width of a cell of `x` (m), and for some
+    /// others, in any order.
+    pub fn for_each_near(&self, x: &Vec3, visit: impl FnMut(u32)) {
+        self.for_each_within(x, self.width, visit);
+    }
+
+    /// Calls `visit` once for the index of every point within `distance` (m) of `x` (m), and for some others,
+    /// in any order.
+    pub fn for_each_within(&self, x: &Vec3, distance: f64, mut visit: impl FnMut(u32)) {
         let c = self.coordinates(x);
-        // Only offsets that lead to different buckets. Along an axis of one or two buckets, some of the three
-        // offsets would wrap around to the same one.
+        let rings = ((distance / self.width).ceil() as i64).max(1);
+        // Only offsets that lead to different buckets. Along an axis of few buckets, some offsets would wrap
+        // around to the same one.
         let offsets = |axis: usize| match self.dims[axis] {
-            1 => 0..=0,
-            2 => 0..=1,
-            _ => -1..=1,
+            dims if dims <= rings.saturating_mul(2) => 0..=dims - 1,
+            _ => -rings..=rings,
         };
         for dz in offsets(2) {
             for dy in offsets(1) {
@@ -112,6 +118,21 @@ mod tests {
             cells.for_each_near(a, |j| visits[j as usize] += 1);
             for (b, &visits) in x.iter().zip(&visits) {
                 assert!(visits == 1 || visits == 0 && (a - b).norm() > 0.15, "{a} {b}: {visits}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_point_within_several_widths_is_visited_once() {
+        let x = lattice();
+        for width in [0.04, 0.11, 0.3] {
+            let cells = Cells::new(&x, width);
+            for a in x.iter().step_by(37) {
+                let mut visits = vec![0; x.len()];
+                cells.for_each_within(a, 0.25, |j| visits[j as usize] += 1);
+                for (b, &visits) in x.iter().zip(&visits) {
+                    assert!(visits == 1 || visits == 0 && (a - b).norm() > 0.25, "{a} {b}: {visits}");
+                }
             }
         }
     }

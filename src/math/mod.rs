@@ -8,6 +8,7 @@ pub mod exact;
 pub mod instructions;
 pub mod interval;
 pub mod polyhedron;
+pub mod sized_cells;
 pub mod vector;
 
 /// The larger of two magnitudes; a NaN in `b` counts as +infinity (`f64::max` would drop it).

@@ -10,6 +10,7 @@
 //! built.
 
 use crate::math::vector::{Vec3, vector};
+use crate::model::size::Size;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -19,6 +20,13 @@ pub const POSITION: Range<usize> = 0..3;
 pub const VELOCITY: Range<usize> = 3..6;
 /// Columns of the spin s = r w in the state, m/s; only with rotation. In a frame: angular velocity, rad/s.
 pub const SPIN: Range<usize> = 6..9;
+
+/// Name of the column of radii (m), for particles of unequal sizes.
+pub const RADIUS: &str = "radius";
+/// Name of the column of masses (kg), for particles of unequal sizes.
+pub const MASS: &str = "mass";
+/// Name of the column of species: numbers from 0 on, each of which stands for a name.
+pub const SPECIES: &str = "species";
 
 /// The position in a row of the state, m.
 #[inline(always)]
@@ -51,23 +59,25 @@ pub fn spin(row: &[f64]) -> Vec3 {
     row.get(SPIN).map_or_else(Vec3::zeros, vector)
 }
 
-/// Replaces the angular velocities w in rows of `width` numbers by spins r w.
+/// Replaces the angular velocities w in rows of `width` numbers by spins r w, with the radius of each row.
 ///
 /// Without rotation it does nothing.
-pub fn put_spins(rows: &mut [f64], width: usize, r: f64) {
-    each_spin(rows, width, |w| r * w);
+pub fn put_spins(rows: &mut [f64], width: usize, r: impl Fn(usize) -> f64) {
+    each_spin(rows, width, |i, w| r(i) * w);
 }
 
-/// Replaces the spins s in rows of `width` numbers by angular velocities s/r.
+/// Replaces the spins s in rows of `width` numbers by angular velocities s/r, with the radius of each row.
 ///
 /// Without rotation it does nothing.
-pub fn put_angular_velocities(rows: &mut [f64], width: usize, r: f64) {
-    each_spin(rows, width, |s| s / r);
+pub fn put_angular_velocities(rows: &mut [f64], width: usize, r: impl Fn(usize) -> f64) {
+    each_spin(rows, width, |i, s| s / r(i));
 }
 
-fn each_spin(rows: &mut [f64], width: usize, of: impl Fn(f64) -> f64) {
-    for spin in rows.chunks_exact_mut(width.max(1)).filter_map(|row| row.get_mut(SPIN)) {
-        spin.iter_mut().for_each(|component| *component = of(*component));
+fn each_spin(rows: &mut [f64], width: usize, of: impl Fn(usize, f64) -> f64) {
+    for (i, row) in rows.chunks_exact_mut(width.max(1)).enumerate() {
+        if let Some(spin) = row.get_mut(SPIN) {
+            spin.iter_mut().for_each(|component| *component = of(i, *component));
+        }
     }
 }
 
@@ -93,6 +103,9 @@ pub struct Column {
     pub changes: Changes,
     /// Whether it is in the output file.
     pub in_file: bool,
+    /// What the numbers 0, 1, ... stand for; empty where they are just numbers.
+    #[serde(default)]
+    pub names: Vec<String>,
 }
 
 /// All columns of the particles of a scene.
@@ -110,6 +123,7 @@ pub struct Column {
 ///     unit: "1".to_owned(),
 ///     changes: Changes::WithLists,
 ///     in_file: true,
+///     names: Vec::new(),
 /// });
 /// assert_eq!(columns.find("velocity"), Some((Changes::EveryStage, 3..6)));
 /// assert_eq!(columns.find("tag"), Some((Changes::WithLists, 0..1)));
@@ -128,6 +142,7 @@ impl Columns {
             unit: unit.to_owned(),
             changes: Changes::EveryStage,
             in_file: true,
+            names: Vec::new(),
         };
         let mut columns = vec![state("position", "m"), state("velocity", "m/s")];
         if rotation {
@@ -155,6 +170,18 @@ impl Columns {
     /// Whether particles rotate.
     pub fn rotation(&self) -> bool {
         self.width(Changes::EveryStage) == SPIN.end
+    }
+
+    /// Whether particles differ in their sizes: then there are columns of radii and of masses.
+    pub fn sized(&self) -> bool {
+        self.find(RADIUS).is_some()
+    }
+
+    /// The sizes in rows of the columns that change only when lists are built; empty where all are alike.
+    pub fn sizes(&self, constants: &[f64]) -> Vec<Size> {
+        let (Some((_, r)), Some((_, mass))) = (self.find(RADIUS), self.find(MASS)) else { return Vec::new() };
+        let rows = constants.chunks_exact(self.width(Changes::WithLists));
+        rows.map(|row| Size::new(row[r.start], row[mass.start])).collect()
     }
 
     /// Where the column `name` is: when it changes, and its numbers within a row of all columns that change
@@ -187,15 +214,15 @@ mod tests {
     fn spins_are_the_radius_times_angular_velocities_and_nothing_else_changes() {
         let angular: Vec<f64> = (0..18).map(f64::from).collect();
         let mut rows = angular.clone();
-        put_spins(&mut rows, 9, 0.5);
+        put_spins(&mut rows, 9, |_| 0.5);
         for (k, (spin, angular)) in rows.iter().zip(&angular).enumerate() {
             let factor = if SPIN.contains(&(k % 9)) { 0.5 } else { 1.0 };
             assert_eq!(*spin, factor * angular);
         }
-        put_angular_velocities(&mut rows, 9, 0.5);
+        put_angular_velocities(&mut rows, 9, |_| 0.5);
         assert_eq!(rows, angular);
         let mut still = angular[..12].to_vec();
-        put_spins(&mut still, 6, 0.5);
+        put_spins(&mut still, 6, |_| 0.5);
         assert_eq!(still, angular[..12]);
     }
 
@@ -204,7 +231,14 @@ mod tests {
         let mut columns = Columns::new(true);
         for (name, width) in [("mass", 1), ("colour", 3)] {
             let (changes, name) = (Changes::WithLists, name.to_owned());
-            columns.push(Column { name, width, unit: "1".to_owned(), changes, in_file: true });
+            columns.push(Column {
+                name,
+                width,
+                unit: "1".to_owned(),
+                changes,
+                in_file: true,
+                names: Vec::new(),
+            });
         }
         assert_eq!(columns.find("velocity"), Some((Changes::EveryStage, VELOCITY)));
         assert_eq!(columns.find("angular_velocity"), Some((Changes::EveryStage, SPIN)));

@@ -18,6 +18,7 @@
 //! # Equations
 //!
 //! t is the slip with the lever a: a = r + l/2 for a pair, r + l for a wall. l' is the rate of the gap.
+//! [`crate::model::size`] has the levers and masses of unequal spheres.
 //!
 //! p' = s t/x_m - g max(0, s t.p/x_m + kappa l'/2 |p|^2) p/|p|^2 - (p.n') n + (w_n.n) n x p
 //!
@@ -45,6 +46,7 @@ use crate::math::elementary::{Arithmetic, at_least, inverse, inverse_root};
 use crate::math::vector::{Vec3, add_cross, add_scaled, cross, dot, scaled};
 use crate::model::contact::{LawParameters, Rebound};
 use crate::model::dahl::{Dahl, LEAST, Resisted, load_root};
+use crate::model::size::Partners;
 
 /// Numbers of the shear in the memory of a contact. They come first.
 pub const SHEAR: usize = 3;
@@ -56,7 +58,7 @@ pub struct MemoryParameters {
     pub stiffness_ratio: f64,
     /// Damping zeta, a share of critical.
     pub damping: f64,
-    /// Mass of every particle, kg.
+    /// Mass of a typical particle, kg.
     pub mass: f64,
     /// Coefficients of rolling and of twisting resistance; 0 where there is none.
     pub resistance: [f64; 2],
@@ -82,11 +84,9 @@ pub enum Partner {
 /// What differs between pairs and walls.
 #[derive(Debug, Clone, Copy)]
 struct Side {
-    /// The lever over the radius is 1 plus this times the gap, 1/m.
-    lever_per_gap: f64,
     /// 1 where the normal turns as the bodies move past each other, 0 for a plane.
     turns: f64,
-    /// Damping tau, s/m.
+    /// Damping tau of typical spheres, s/m.
     tau: f64,
 }
 
@@ -99,6 +99,7 @@ struct Side {
 /// use demhybrid::math::vector::Vec3;
 /// use demhybrid::model::contact::{Elastic, LawParameters};
 /// use demhybrid::model::history::{History, MemoryParameters, Partner, Touch};
+/// use demhybrid::model::size::Partners;
 ///
 /// let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.0, resistance: [0.0; 2] };
 /// let parameters = LawParameters {
@@ -108,7 +109,9 @@ struct Side {
 /// let friction = History::new(&parameters, memory, true);
 /// let (n, slip) = (Vec3::z(), Vec3::new(1e-9, 0.0, 0.0));
 /// // Sheared to the full: friction is mu times the normal force, although nothing slides.
-/// let touch = Touch { gap: 0.0, n: &n, v_rel: &slip, spins: &Vec3::zeros(), memory: &Vec3::x() };
+/// let size = Partners::alike(0.1, true);
+/// let spins = &Vec3::zeros();
+/// let touch = Touch { gap: 0.0, n: &n, v_rel: &slip, spins, spin_n: 0.0, size, memory: &Vec3::x() };
 /// let found = friction.action::<Separate, _>(&parameters, &Elastic, Partner::Wall, touch);
 /// assert!((found.force - Vec3::new(-3.0, 0.0, 10.0)).norm() < 1e-6); // N
 /// assert!(found.rate.norm() < 1e-12); // what is at its limit is sheared no further
@@ -119,45 +122,21 @@ pub struct History {
     /// 1/F_0, 1/N.
     inverse_f_0: f64,
     half_kappa: f64,
-    turn: Turn,
     pair: Side,
     wall: Side,
 }
 
-/// How a memory turns with its contact.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Turn {
-    /// 2 r, m.
-    diameter: f64,
-    /// 1/(2 r), 1/m.
-    inverse_diameter: f64,
-}
-
-impl Turn {
-    pub(super) fn new(r: f64) -> Self {
-        Turn { diameter: 2.0 * r, inverse_diameter: 0.5 / r }
-    }
-
-    /// Adds -(p.n') n + (w_n.n) n x p to the `rate` (1/s) of the memory `p`.
-    ///
-    /// n' = `turns` `along`/d, where `along` (m/s) is the velocity of the centre along the contact plane, and
-    /// `turns` is 0 for a plane.
-    #[inline(always)]
-    pub(super) fn turned<A: Arithmetic>(
-        &self,
-        touch: Touch,
-        turns: f64,
-        along: &Vec3,
-        p: &Vec3,
-        rate: &Vec3,
-    ) -> Vec3 {
-        let Touch { gap, n, spins, .. } = touch;
-        let apart = inverse::<A>(at_least(0.01 * self.diameter, self.diameter + gap));
-        let tilt = turns * apart * dot::<A>(p, along);
-        let spin = self.inverse_diameter * dot::<A>(spins, n);
-        let turned = add_scaled::<A>(-tilt, n, rate);
-        add_cross::<A>(&scaled(spin, n), p, &turned)
-    }
+/// Adds -(p.n') n + (w_n.n) n x p to the `rate` (1/s) of the memory `p`: it turns with its contact.
+///
+/// n' = `turns` `along`/d, where `along` (m/s) is the velocity of the centre along the contact plane, and
+/// `turns` is 0 for a plane.
+#[inline(always)]
+pub(super) fn turned<A: Arithmetic>(touch: Touch, turns: f64, along: &Vec3, p: &Vec3, rate: &Vec3) -> Vec3 {
+    let Touch { gap, n, spin_n, size, .. } = touch;
+    let apart = inverse::<A>(at_least(0.01 * size.surfaces, size.surfaces + gap));
+    let tilt = turns * apart * dot::<A>(p, along);
+    let turned = add_scaled::<A>(-tilt, n, rate);
+    add_cross::<A>(&scaled(spin_n, n), p, &turned)
 }
 
 /// A contact as the law sees it. Signs are those for particle i.
@@ -171,6 +150,11 @@ pub struct Touch<'a> {
     pub v_rel: &'a Vec3,
     /// s_i + s_j, m/s; s_j = 0 for a wall.
     pub spins: &'a Vec3,
+    /// w_n.n, the spin about the normal with which the contact turns, rad/s: (w_i + w_j).n/2, or w_i.n/2 for a
+    /// wall.
+    pub spin_n: f64,
+    /// What the sizes of the partners mean.
+    pub size: Partners,
     /// The memory p.
     pub memory: &'a Vec3,
 }
@@ -201,7 +185,7 @@ impl History {
     ///
     /// `law.phi` is mu.
     pub fn new(law: &LawParameters, memory: MemoryParameters, rotation: bool) -> Self {
-        let LawParameters { r, f_0, kappa, phi, .. } = *law;
+        let LawParameters { f_0, kappa, phi, .. } = *law;
         let MemoryParameters { damping, mass, .. } = memory;
         let element = Dahl::new(phi, law, &memory);
         let moved = if rotation { 3.5 } else { 1.0 };
@@ -210,9 +194,8 @@ impl History {
             element,
             inverse_f_0: 1.0 / f_0,
             half_kappa: 0.5 * kappa,
-            turn: Turn::new(r),
-            pair: Side { lever_per_gap: 0.5 / r, turns: 1.0, tau: tau(0.5 * mass / moved) },
-            wall: Side { lever_per_gap: 1.0 / r, turns: 0.0, tau: tau(mass / moved) },
+            pair: Side { turns: 1.0, tau: tau(0.5 * mass / moved) },
+            wall: Side { turns: 0.0, tau: tau(mass / moved) },
         }
     }
 
@@ -242,7 +225,7 @@ impl History {
         partner: Partner,
         touch: Touch,
     ) -> Response {
-        let Touch { gap, n, v_rel, spins, memory } = touch;
+        let Touch { gap, n, v_rel, spins, size, memory, .. } = touch;
         let side = match partner {
             Partner::Sphere => self.pair,
             Partner::Wall => self.wall,
@@ -252,13 +235,14 @@ impl History {
         let s = load_root::<A>(self.half_kappa, gap);
         let repulsion = law.f_0 * (s * s);
         // Slip with the lever a.
-        let lever = A::add_product(side.lever_per_gap, gap, 1.0);
+        let lever = A::add_product(size.per_surfaces, gap, 1.0);
         let along = add_scaled::<A>(-opening, n, v_rel);
         let slip = add_cross::<A>(n, &scaled(lever, spins), &along);
         // Rounding takes p out of the contact plane: what is left of it there counts.
         let p = add_scaled::<A>(-dot::<A>(memory, n), n, memory);
-        let Resisted { force: friction, rate } = self.element.resist::<A>([s, opening, side.tau], &slip, &p);
-        let rate = self.turn.turned::<A>(touch, side.turns, &along, &p, &rate);
+        let tau = side.tau * size.slipped;
+        let Resisted { force: friction, rate } = self.element.resist::<A>([s, opening, tau], &slip, &p);
+        let rate = turned::<A>(touch, side.turns, &along, &p, &rate);
         let at_rest = 0.5 * A::add_product(law.e, law.e, 1.0);
         let dissipated = self.element.dissipation::<A>(&Resisted { force: friction, rate }, &slip, &p);
         Response {
@@ -293,8 +277,16 @@ mod tests {
         memory: Some(MEMORY_OF_TEST),
     };
 
+    const STILL: Vec3 = Vec3::new(0.0, 0.0, 0.0);
+
     fn friction() -> History {
         History::new(&LAW, MEMORY_OF_TEST, true)
+    }
+
+    /// A contact of two equal spheres, or of one with a wall.
+    fn contact<'a>(partner: Partner, gap: f64, [n, v_rel, spins, memory]: [&'a Vec3; 4]) -> Touch<'a> {
+        let size = Partners::alike(LAW.r, partner == Partner::Wall);
+        Touch { gap, n, v_rel, spins, spin_n: spins.dot(n) * 0.5 / LAW.r, size, memory }
     }
 
     fn respond(partner: Partner, touch: Touch) -> Response {
@@ -341,7 +333,7 @@ mod tests {
             let memory = across.normalize() * (share * s);
             let (v_rel, spins) = (speed * v_rel, speed * spins);
             let partner = if wall { Partner::Wall } else { Partner::Sphere };
-            let touch = Touch { gap, n: &n, v_rel: &v_rel, spins: &spins, memory: &memory };
+            let touch = contact(partner, gap, [&n, &v_rel, &spins, &memory]);
             let found = respond(partner, touch);
             let most = limit(gap);
             prop_assert!(rubbing(&found, &n).norm() <= most * (1.0 + 1e-12));
@@ -354,7 +346,7 @@ mod tests {
             let leaves = found.rate.dot(&n) + memory.dot(&n_rate);
             prop_assert!(leaves.abs() <= 1e-12 * (1.0 + found.rate.norm()), "{leaves}");
             // Seen from the partner everything is reversed, to the last bit.
-            let back = Touch { n: &-n, v_rel: &-v_rel, memory: &-memory, ..touch };
+            let back = Touch { n: &-n, v_rel: &-v_rel, memory: &-memory, spin_n: -touch.spin_n, ..touch };
             let back = respond(partner, back);
             prop_assert_eq!(back.force, -found.force);
             prop_assert_eq!((back.rate, back.turning), (-found.rate, found.turning));
@@ -371,7 +363,7 @@ mod tests {
         for share in [0.0, 0.1, 0.49] {
             let memory = Vec3::new(share * s, 0.0, 0.0);
             let slip = Vec3::new(1e-9, 0.0, 0.0);
-            let touch = Touch { gap, n: &n, v_rel: &slip, spins: &Vec3::zeros(), memory: &memory };
+            let touch = contact(Partner::Wall, gap, [&n, &slip, &STILL, &memory]);
             let found = respond(Partner::Wall, touch);
             let elastic = -0.5 * LAW.kappa * LAW.f_0 * s * s * (share * x_m);
             assert!((rubbing(&found, &n).x - elastic).abs() < 1e-6 * limit(gap), "{share}");
@@ -385,7 +377,7 @@ mod tests {
         let (n, gap) = (Vec3::z(), 0.0);
         for speed in [1e-3, 0.1, 10.0] {
             let (slip, memory) = (Vec3::new(0.0, speed, 0.0), Vec3::new(0.0, 1.0, 0.0));
-            let touch = Touch { gap, n: &n, v_rel: &slip, spins: &Vec3::zeros(), memory: &memory };
+            let touch = contact(Partner::Wall, gap, [&n, &slip, &STILL, &memory]);
             let found = respond(Partner::Wall, touch);
             assert!((rubbing(&found, &n).y + limit(gap)).abs() < 1e-12 * limit(gap));
             assert!(found.rate.norm() < 1e-9 * speed / friction().element().full);
@@ -400,7 +392,7 @@ mod tests {
         let (v_rel, spins) = (omega.cross(&n) * d, omega * (2.0 * LAW.r));
         let memory = Vec3::new(-0.3, 1.0, 0.225);
         assert!(memory.dot(&n).abs() < 1e-15);
-        let touch = Touch { gap, n: &n, v_rel: &v_rel, spins: &spins, memory: &memory };
+        let touch = contact(Partner::Sphere, gap, [&n, &v_rel, &spins, &memory]);
         let found = respond(Partner::Sphere, touch);
         // The memory turns with the pair and does nothing else.
         assert!((found.rate - omega.cross(&memory)).norm() < 1e-12);
@@ -412,7 +404,7 @@ mod tests {
         for size in [1.001, 2.0, 1e3, 1e18] {
             let memory = size * Vec3::x();
             for v_rel in [Vec3::x(), n] {
-                let touch = Touch { gap: 0.0, n: &n, v_rel: &v_rel, spins: &Vec3::zeros(), memory: &memory };
+                let touch = contact(Partner::Wall, 0.0, [&n, &v_rel, &STILL, &memory]);
                 let found = respond(Partner::Wall, touch);
                 assert!(found.rate.x < 0.0, "{size}");
                 assert!(rubbing(&found, &n).norm() <= limit(0.0) * (1.0 + 1e-12));

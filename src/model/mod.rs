@@ -1,5 +1,5 @@
-//! What is simulated, as pure functions: the contact law, what contacts remember, walls, effects, and the state
-//! of a particle.
+//! What is simulated, as pure functions: the contact law, what contacts remember, walls, effects, and the size and
+//! state of a particle.
 
 pub mod columns;
 pub mod contact;
@@ -7,4 +7,5 @@ pub mod dahl;
 pub mod effects;
 pub mod history;
 pub mod rolling;
+pub mod size;
 pub mod wall;

@@ -10,6 +10,8 @@
 //! is the coefficient times R times the normal force of a contact at rest. On a plane a sphere stands where
 //! the slope is below the coefficient of rolling, and one that rolls stops after 0.7 v^2/(coefficient g).
 //!
+//! [`crate::model::size`] has the masses of unequal spheres.
+//!
 //! The element moves a sphere that rolls on a wall without slip, 7/5 m, or two that roll on each other like
 //! gears, 4/5 m; a twist moves 2/5 m and 4/5 m. Its damping is a share of critical for that mass.
 
@@ -17,7 +19,7 @@ use crate::math::elementary::Arithmetic;
 use crate::math::vector::{Vec3, add_scaled, dot, scaled};
 use crate::model::contact::LawParameters;
 use crate::model::dahl::{Dahl, Resisted, load_root};
-use crate::model::history::{MemoryParameters, Partner, SHEAR, Touch, Turn};
+use crate::model::history::{MemoryParameters, Partner, SHEAR, Touch, turned};
 
 /// Resistance to rolling and to twisting, of one scene.
 ///
@@ -29,6 +31,7 @@ use crate::model::history::{MemoryParameters, Partner, SHEAR, Touch, Turn};
 /// use demhybrid::model::contact::LawParameters;
 /// use demhybrid::model::history::{MemoryParameters, Partner, Touch};
 /// use demhybrid::model::rolling::Resistance;
+/// use demhybrid::model::size::Partners;
 ///
 /// let memory =
 ///     MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.0, resistance: [0.05, 0.0] };
@@ -41,7 +44,8 @@ use crate::model::history::{MemoryParameters, Partner, SHEAR, Touch, Turn};
 /// assert!(resistance.twisting.is_none());
 /// // A sphere that has rolled on: the moment over the radius is 0.05 times the normal force of 10 N.
 /// let (n, zero, spin) = (Vec3::z(), Vec3::zeros(), 1e-9 * Vec3::x());
-/// let touch = Touch { gap: 0.0, n: &n, v_rel: &zero, spins: &spin, memory: &Vec3::x() };
+/// let size = Partners::alike(0.1, true);
+/// let touch = Touch { gap: 0.0, n: &n, v_rel: &zero, spins: &spin, spin_n: 0.0, size, memory: &Vec3::x() };
 /// let found = resistance.roll::<Separate>(&rolling, Partner::Wall, touch, &spin);
 /// assert!((found.moment + Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-7); // N
 /// ```
@@ -52,7 +56,6 @@ pub struct Resistance {
     /// Against twisting, if there is any.
     pub twisting: Option<Turned>,
     half_kappa: f64,
-    turn: Turn,
 }
 
 /// An element that resists a turning motion.
@@ -67,7 +70,8 @@ pub struct Turned {
 /// What an element does to a contact.
 #[derive(Debug, Clone, Copy)]
 pub struct Moment {
-    /// Moment over the radius on i, N; the negative on its partner.
+    /// Moment over the radius on i, N; the negative on its partner. Of unequal spheres it is the moment over
+    /// twice the reduced radius R.
     pub moment: Vec3,
     /// Rate of the memory, 1/s. That of twisting is its component along n.
     pub rate: Vec3,
@@ -101,7 +105,7 @@ impl Resistance {
 
     /// The resistances of a scene; none if both coefficients are 0.
     pub fn new(law: &LawParameters, memory: &MemoryParameters) -> Option<Self> {
-        let turned = |coefficient: f64, masses: [f64; 2]| {
+        let element = |coefficient: f64, masses: [f64; 2]| {
             (coefficient > 0.0).then(|| {
                 let element = Dahl::new(coefficient, law, memory);
                 let tau = masses.map(|share| element.damping(memory.damping, share * memory.mass));
@@ -109,13 +113,13 @@ impl Resistance {
             })
         };
         let [rolling, twisting] = memory.resistance;
-        let (rolling, twisting) = (turned(rolling, [0.8, 1.4]), turned(twisting, [0.8, 0.4]));
-        let found = Resistance { rolling, twisting, half_kappa: 0.5 * law.kappa, turn: Turn::new(law.r) };
+        let (rolling, twisting) = (element(rolling, [0.8, 1.4]), element(twisting, [0.8, 0.4]));
+        let found = Resistance { rolling, twisting, half_kappa: 0.5 * law.kappa };
         (rolling.is_some() || twisting.is_some()).then_some(found)
     }
 
     /// Rolling resistance of a contact whose memory of rolling is `touch.memory`. `difference` is s_i - s_j
-    /// (m/s); s_j = 0 for a wall.
+    /// (m/s), and s_j = 0 for a wall. Of unequal spheres it is 2 R (w_i - w_j).
     #[inline(always)]
     pub fn roll<A: Arithmetic>(
         &self,
@@ -124,8 +128,9 @@ impl Resistance {
         touch: Touch,
         difference: &Vec3,
     ) -> Moment {
-        let Touch { gap, n, v_rel, memory, .. } = touch;
+        let Touch { gap, n, v_rel, memory, size, .. } = touch;
         let [tau, share] = rolling.side(partner);
+        let tau = tau * size.turned;
         let opening = dot::<A>(n, v_rel);
         let along = add_scaled::<A>(-opening, n, v_rel);
         let t = scaled(share, &add_scaled::<A>(-dot::<A>(difference, n), n, difference));
@@ -134,7 +139,7 @@ impl Resistance {
         let s = load_root::<A>(self.half_kappa, gap);
         let Resisted { force, rate } = rolling.element.resist::<A>([s, opening, tau], &t, &p);
         let turns = if partner == Partner::Sphere { 1.0 } else { 0.0 };
-        let rate = self.turn.turned::<A>(touch, turns, &along, &p, &rate);
+        let rate = turned::<A>(touch, turns, &along, &p, &rate);
         rolling.moment::<A>(&Resisted { force, rate }, share, [&t, &p])
     }
 
@@ -147,8 +152,9 @@ impl Resistance {
         touch: Touch,
         difference: &Vec3,
     ) -> Moment {
-        let Touch { gap, n, v_rel, memory, .. } = touch;
+        let Touch { gap, n, v_rel, memory, size, .. } = touch;
         let [tau, share] = twisting.side(partner);
+        let tau = tau * size.turned;
         let t = scaled(share * dot::<A>(difference, n), n);
         let opening = dot::<A>(n, v_rel);
         let found =
@@ -161,6 +167,7 @@ impl Resistance {
 mod tests {
     use super::*;
     use crate::math::elementary::Separate;
+    use crate::model::size::Partners;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
@@ -178,6 +185,12 @@ mod tests {
         v_min: 0.01,
         memory: Some(MEMORY),
     };
+
+    /// A contact of two equal spheres, or of one with a wall.
+    fn contact<'a>(partner: Partner, gap: f64, [n, v_rel, spins, memory]: [&'a Vec3; 4]) -> Touch<'a> {
+        let size = Partners::alike(LAW.r, partner == Partner::Wall);
+        Touch { gap, n, v_rel, spins, spin_n: spins.dot(n) * 0.5 / LAW.r, size, memory }
+    }
 
     fn resistance() -> Resistance {
         Resistance::new(&LAW, &MEMORY).unwrap()
@@ -227,7 +240,7 @@ mod tests {
             let memory = along * (share * s);
             let (v_rel, spins, difference) = (speed * v_rel, speed * spins, speed * difference);
             let (partner, reduced) = if wall { (Partner::Wall, 1.0) } else { (Partner::Sphere, 0.5) };
-            let touch = Touch { gap, n: &n, v_rel: &v_rel, spins: &spins, memory: &memory };
+            let touch = contact(partner, gap, [&n, &v_rel, &spins, &memory]);
             let moment = found(rolling, partner, touch, &difference);
             let coefficient = MEMORY.resistance[usize::from(!rolling)];
             let most = coefficient * reduced * 0.58 * LAW.f_0 * s * s;
@@ -244,7 +257,8 @@ mod tests {
             // Seen from the partner the moment is the opposite. So is the vector of twisting: its component
             // along n, which is the memory, stays.
             let (back_n, back_v, back) = (-n, -v_rel, -difference);
-            let touch = Touch { gap, n: &back_n, v_rel: &back_v, spins: &spins, memory: &-memory };
+            let turned_round = -memory;
+            let touch = contact(partner, gap, [&back_n, &back_v, &spins, &turned_round]);
             let back = found(rolling, partner, touch, &back);
             prop_assert_eq!((back.moment, back.rate), (-moment.moment, -moment.rate));
         }
@@ -257,7 +271,7 @@ mod tests {
         let d = 2.0 * LAW.r + gap;
         let (v_rel, spins) = (omega.cross(&n) * d, omega * (2.0 * LAW.r));
         let memory = Vec3::new(-0.3, 1.0, 0.225);
-        let touch = Touch { gap, n: &n, v_rel: &v_rel, spins: &spins, memory: &memory };
+        let touch = contact(Partner::Sphere, gap, [&n, &v_rel, &spins, &memory]);
         let rolling = found(true, Partner::Sphere, touch, &Vec3::zeros());
         assert!((rolling.rate - omega.cross(&memory)).norm() < 1e-12);
         let twisting = found(false, Partner::Sphere, Touch { memory: &(0.3 * n), ..touch }, &Vec3::zeros());
@@ -280,7 +294,7 @@ mod tests {
         ] {
             let difference = if rolling { Vec3::x() } else { Vec3::z() } * (t / reduced);
             let zero = Vec3::zeros();
-            let touch = Touch { gap, n: &n, v_rel: &zero, spins: &zero, memory: &zero };
+            let touch = contact(partner, gap, [&n, &zero, &zero, &zero]);
             let force = found(rolling, partner, touch, &difference).moment.norm() / reduced;
             let expected = 2.0 * (stiffness * mass).sqrt() * t;
             assert!((force / expected - 1.0).abs() < 1e-6, "{mass} {force} {expected}");

@@ -110,7 +110,7 @@ pub(crate) fn no_vectors<'a>() -> [&'a mut [f64]; VECTORS] {
 /// }
 ///
 /// let mut decay = Decay { layout: Layout(vec![Segment { rows: 1, width: 1, positions: 0 }]) };
-/// let norm = Norm { weights: vec![vec![1.0]], rate: false, mean: None };
+/// let norm = Norm { weights: vec![vec![1.0]], rate: false, mean: None, rows: Vec::new() };
 /// let (mut start, mut trial) = (StepStart::new(0.0, vec![1.0]), TrialStep::default());
 /// let outcome = RungeKutta::new(&MERSON).attempt(&mut decay, &mut start, 0.1, &norm, &mut trial);
 /// assert!((trial.next[0] - (-0.1f64).exp()).abs() < 1e-7);

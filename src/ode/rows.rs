@@ -169,7 +169,7 @@ impl Cut for Rows<'_> {
 ///
 /// let part = Layout(vec![Segment { rows: 2, width: 2, positions: 1 }]).whole(0);
 /// // Positions count ten times as much as velocities.
-/// let norm = Norm { weights: vec![vec![10.0, 1.0]], rate: false, mean: None };
+/// let norm = Norm { weights: vec![vec![10.0, 1.0]], rate: false, mean: None, rows: Vec::new() };
 /// let errors = [0.01, -0.3, 0.02, f64::NAN];
 /// assert_eq!(norm.largest(part.rows(0..1), |k| errors[k]), 0.3);
 /// assert_eq!(norm.largest(part, |k| errors[k]), f64::INFINITY);
@@ -184,6 +184,8 @@ pub struct Norm {
     pub rate: bool,
     /// For a mean of the errors of rows the tolerance; none where the largest error counts. See [`Errors`].
     pub mean: Option<f64>,
+    /// For every row of the first segment a factor of the weights of its positions; empty where all are 1.
+    pub rows: Vec<f64>,
 }
 
 impl Norm {
@@ -204,6 +206,13 @@ impl Norm {
     pub fn largest(&self, part: Part, value: impl Fn(usize) -> f64) -> f64 {
         let weights = &self.weights[part.segment][..];
         assert_eq!(weights.len(), part.width, "every column of the segment has a weight");
+        if part.segment == 0 && !self.rows.is_empty() {
+            let weight = |i: usize, c: usize| {
+                weights[c] * if c < part.positions { self.rows[part.row + i] } else { 1.0 }
+            };
+            let weighted = |k: usize| weight(k / part.width, k % part.width) * value(part.start + k).abs();
+            return (0..part.len).fold(0.0, |most, k| larger(most, weighted(k)));
+        }
         match weights.len() {
             // The usual widths, which the compiler then knows.
             3 => largest::<3>(weights, part, value),
@@ -267,7 +276,7 @@ mod tests {
         for width in [2, 6, 9] {
             let layout = Layout(vec![Segment { rows: 3, width, positions: 1 }]);
             let weights = (0..width).map(|c| if c == 1 { 10.0 } else { 1.0 }).collect();
-            let norm = Norm { weights: vec![weights], rate: false, mean: None };
+            let norm = Norm { weights: vec![weights], rate: false, mean: None, rows: Vec::new() };
             let mut y = vec![1.0; 3 * width];
             y[width + 1] = -2.0;
             y[2 * width] = 7.0;

@@ -18,7 +18,7 @@ fn point(y: &[f64]) -> Point {
 
 /// A norm in which position and velocity count alike.
 fn plain(rate: bool) -> Norm {
-    Norm { weights: vec![vec![1.0, 1.0]], rate, mean: None }
+    Norm { weights: vec![vec![1.0, 1.0]], rate, mean: None, rows: Vec::new() }
 }
 
 /// x'' = force(t, x, v) for one point.
@@ -416,7 +416,7 @@ fn a_second_segment_is_integrated_with_the_order_of_the_method() {
     let run = |method: &mut dyn Method, steps: u32| {
         let mut ivp = Chain::new();
         let mut step_start = StepStart::new(0.0, Chain::start());
-        let norm = Norm { weights: vec![vec![1.0; 2], vec![1.0]], rate: false, mean: None };
+        let norm = Norm { weights: vec![vec![1.0; 2], vec![1.0]], rate: false, mean: None, rows: Vec::new() };
         let (mut trial, h) = (TrialStep::default(), 1.0 / f64::from(steps));
         for k in 0..steps {
             method.stable_step(&mut ivp, &mut step_start, &mut trial);

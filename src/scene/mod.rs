@@ -76,11 +76,14 @@ pub struct Scene {
     pub stop: Option<stop::Stop>,
 }
 
-/// Identical spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
+/// The spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
+///
+/// Columns of the file may give each sphere a radius and a mass of its own. Then radius and mass here are those
+/// of a typical sphere, from which lengths that are left out follow.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Particles {
-    /// Radius r of every particle, m; > 0.
+    /// Radius r of a particle, m; > 0.
     pub radius: f64,
     /// Mass of one particle, kg; > 0. A density gives it as well.
     #[serde(default = "left_out")]
@@ -94,6 +97,45 @@ pub struct Particles {
     pub file: Option<PathBuf>,
     /// Randomly perturbed grid as the initial condition.
     pub grid: Option<Grid>,
+}
+
+/// What a scene says about the sizes of its particles, before it is checked: columns of the particle file may
+/// say the rest.
+#[derive(Debug, Default)]
+pub(crate) struct LeftOut {
+    /// `particles.file`
+    pub file: Option<PathBuf>,
+    /// `particles.radius`, m
+    pub radius: Option<f64>,
+    /// Whether there is a `particles.mass` or a `particles.density`.
+    pub mass: bool,
+    /// `particles.density`, kg/m^3
+    pub density: Option<f64>,
+}
+
+impl LeftOut {
+    /// Arguments and errors as for [`Scene::parse`]; what has the wrong type counts as left out.
+    pub(crate) fn of(name: &str, text: &str, sets: &[String]) -> Result<Self, Error> {
+        let source = Source::new(name, text, sets);
+        let set_texts = source.set_documents()?;
+        let table = source.merged(text, &set_texts)?;
+        let Ok(table) = toml::Table::deserialize(toml::Deserializer::from(table)) else {
+            return Ok(LeftOut::default());
+        };
+        let Some(particles) = table.get("particles").and_then(toml::Value::as_table) else {
+            return Ok(LeftOut::default());
+        };
+        let number = |key: &str| {
+            let value = particles.get(key)?;
+            value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
+        };
+        Ok(LeftOut {
+            file: particles.get("file").and_then(toml::Value::as_str).map(PathBuf::from),
+            radius: number("radius").or_else(|| particles.get("radius").map(|_| f64::NAN)),
+            mass: particles.contains_key("mass") || particles.contains_key("density"),
+            density: number("density"),
+        })
+    }
 }
 
 /// What a number with a unit is until [`Scene::parse`] gives it a default, which follows from other keys.

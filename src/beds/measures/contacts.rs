@@ -80,6 +80,7 @@ pub struct WallForce {
 ///     x: vec![[0.3, 0.3, 0.099], [0.3, 0.3, 0.301]],
 ///     v: vec![[0.0; 3]; 2],
 ///     omega: None,
+///     sizes: Default::default(), // all have that of the scene
 /// };
 /// let found = Contacts::of(&scene, &state, SHARE); // one sphere above another one on the floor
 /// assert_eq!((found.pushing[0].i, found.pushing[0].partner), (0, Partner::Sphere(1)));
@@ -205,7 +206,7 @@ mod tests {
     const GRAVITY: &str = "gravity = [0, 0, -9.81]";
 
     fn at_rest(x: Vec<[f64; 3]>) -> State {
-        State { frame: 0, time: 0.0, v: vec![[0.0; 3]; x.len()], x, omega: None }
+        State { frame: 0, time: 0.0, v: vec![[0.0; 3]; x.len()], x, omega: None, sizes: Default::default() }
     }
 
     /// Two spheres with this gap (m) along x, at rest.

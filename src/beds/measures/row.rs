@@ -30,6 +30,7 @@ use crate::scene::Scene;
 ///     x: vec![[0.3, 0.3, 0.099], [0.3, 0.3, 0.297]],
 ///     v: vec![[0.0; 3]; 2],
 ///     omega: None,
+///     sizes: Default::default(), // all have that of the scene
 /// };
 /// let region = Region::cuboid(Vec3::zeros(), Vec3::new(0.75, 0.75, 0.5));
 /// let row = Row::of(&scene, &state, &region, SHARE);

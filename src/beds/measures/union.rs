@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::flat::Flat;
 use super::quadrature::integral;
 use super::region::{Pillar, Region, cut_section};
-use crate::engine::neighbors::{Key, Lists};
+use crate::engine::neighbors::{Key, Lists, Reach};
 use crate::math::polyhedron::Half;
 use crate::math::vector::Vec3;
 
@@ -189,7 +189,7 @@ fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
 pub fn for_each_pair(x: &[Vec3], cutoff: f64, visit: impl FnMut([usize; 2])) {
     let keys: Vec<Key> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();
-    lists.rebuild(x, &keys, x.len(), cutoff, (&[], cutoff), 1);
+    lists.rebuild(x, &keys, x.len(), Reach::of_centres(cutoff, cutoff), &[], 1);
     lists.blocks.iter().flat_map(|block| block.first_pairs()).for_each(visit);
 }
 

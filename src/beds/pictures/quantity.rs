@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 
 use crate::beds::measures::region::Upright;
-use crate::engine::neighbors::Lists;
+use crate::engine::neighbors::{Lists, Reach};
 use crate::files::run_file::State;
 use crate::math::elementary::Separate;
 use crate::math::vector::Vec3;
@@ -86,7 +86,7 @@ impl Quantity {
 pub fn lists(x: &[Vec3], cutoff: f64, walls: &[crate::model::wall::Wall], wall_cutoff: f64) -> Lists {
     let keys: Vec<_> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();
-    lists.rebuild(x, &keys, x.len(), cutoff, (walls, wall_cutoff), 1);
+    lists.rebuild(x, &keys, x.len(), Reach::of_centres(cutoff, wall_cutoff), walls, 1);
     lists
 }
 
@@ -132,7 +132,17 @@ mod tests {
         );
         let x = vec![[1.0, 1.0, 0.09], [1.0, 1.0, 0.27]];
         let v = vec![[0.0; 3], [3.0, 0.0, 4.0]];
-        (scene, State { frame: 0, time: 0.0, x, v, omega: Some(vec![[0.0; 3], [0.0, -2.0, 0.0]]) })
+        (
+            scene,
+            State {
+                frame: 0,
+                time: 0.0,
+                x,
+                v,
+                omega: Some(vec![[0.0; 3], [0.0, -2.0, 0.0]]),
+                sizes: Default::default(),
+            },
+        )
     }
 
     fn close(found: &[f64], exact: &[f64]) {

@@ -140,8 +140,12 @@ fn double_wall_warnings(scene: &Scene) -> Vec<String> {
 
 /// Warns if spheres overlap so deeply at the start that they fly apart.
 fn overlap_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
-    let Overlaps { deepest, between: (i, partner), deep } = overlaps(scene, start)?;
-    let (mass, r, min_step) = (scene.particles.mass, scene.particles.radius, scene.solver.min_step);
+    let Overlaps { deepest, between: (i, partner), r, deep } = overlaps(scene, start)?;
+    let (sizes, min_step) = (start.sizes(scene), scene.solver.min_step);
+    let mass = match partner {
+        Partner::Sphere(j) => sizes.as_sizes().of(i).mass.min(sizes.as_sizes().of(j).mass),
+        Partner::Wall(_) => sizes.as_sizes().of(i).mass,
+    };
     let pressed = pressed(effects::law(scene), mass, deepest, min_step, 0.0);
     let (mut enough, mut why) = (DEEP * r, "they will fly apart".to_owned());
     if let (Some(Error::Pressed { enough: less, .. }), None) = (pressed, scene.solver.step) {
@@ -229,22 +233,27 @@ fn arrival(scene: &Scene, v: &[f64; 3], n: &[f64; 3], depth: f64) -> Option<f64>
 ///
 /// Its centre then goes beyond the plane. The force keeps growing there, so that the sphere comes back.
 fn wall_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
-    let r = scene.particles.radius;
     let walls = described_walls(&scene.container);
-    let mut worst = (0.0, 0, "");
+    let sizes = start.sizes(scene);
+    let kappa = scene.contact.stiffness_exponent;
+    // The energy over the barrier, of which the largest is the worst.
+    let mut worst = (0.0, 0.0, 0, "");
     for (i, (x, v)) in start.x.iter().zip(&start.v).enumerate() {
+        let size = sizes.as_sizes().of(i);
         for (wall, name) in &walls {
             let depth = wall.depth(&Vec3::from(*x));
-            if let Some(squared) = arrival(scene, v, &wall.normal.into(), depth)
-                && squared > worst.0
-            {
-                worst = (squared, i, name);
+            if let Some(squared) = arrival(scene, v, &wall.normal.into(), depth) {
+                let energy = 0.5 * size.mass * squared;
+                let share = energy / barrier(scene, kappa, size.r);
+                if share > worst.0 {
+                    worst = (share, energy, i, name);
+                }
             }
         }
     }
-    let (squared, i, name) = worst;
-    let energy = 0.5 * scene.particles.mass * squared;
-    let barrier = barrier(scene, scene.contact.stiffness_exponent, r);
+    let (_, energy, i, name) = worst;
+    let r = if start.x.is_empty() { scene.particles.radius } else { sizes.as_sizes().of(i).r };
+    let barrier = barrier(scene, kappa, r);
     (barrier < energy).then(|| {
         format!(
             "warning: particle {i} can meet {name} with {} J, and the barrier (F_0/kappa) e^(kappa r) of a \
@@ -282,9 +291,13 @@ fn pair_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
         high - low
     };
     let squared = falls.fold(square(&[range(0), range(1), range(2)]), f64::max);
-    // The reduced mass is half the mass of a sphere.
-    let energy = 0.25 * scene.particles.mass * squared;
-    let depth = 2.0 * scene.particles.radius;
+    // Equal spheres: the reduced mass is half the mass of one. Where sizes differ, two of the smallest meet at
+    // the lowest barrier; a large one brings less than twice their energy more.
+    let sizes = start.sizes(scene);
+    let least = (0..start.x.len()).map(|i| sizes.as_sizes().of(i));
+    let least = least.min_by(|a, b| a.r.total_cmp(&b.r)).expect("there are two particles");
+    let energy = 0.25 * least.mass * squared;
+    let depth = 2.0 * least.r;
     let barrier = barrier(scene, scene.contact.stiffness_exponent, depth);
     (barrier < energy).then(|| {
         format!(

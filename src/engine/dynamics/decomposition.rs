@@ -7,8 +7,9 @@ use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, Table};
 use crate::engine::neighbors::{Key, Order};
 use crate::error::Error;
+use crate::math::larger;
 use crate::math::vector::Vec3;
-use crate::model::columns::{Changes, Columns, POSITION, position};
+use crate::model::columns::{Changes, Columns, POSITION, RADIUS, position};
 
 /// Particles of this rank that do not change during a step: ids, constant columns, ghosts.
 pub struct Decomposition<'c> {
@@ -24,6 +25,60 @@ pub struct Decomposition<'c> {
     pub columns: Columns,
     /// Columns that change only when lists are built: rows of the owned particles, then of the ghosts.
     pub constants: Vec<f64>,
+}
+
+/// Up to which distance of their centres two particles count: a share of both radii and a gap.
+#[derive(Debug, Clone, Copy)]
+pub struct PairReach {
+    /// Share of the radii.
+    pub share: f64,
+    /// What is added to it, m.
+    pub gap: f64,
+    /// Radius of a typical particle, m.
+    pub typical: f64,
+}
+
+impl PairReach {
+    /// The distance (m) for particles with the radii `a` and `b` (m).
+    pub fn between(&self, a: f64, b: f64) -> f64 {
+        self.share * (a + b) + self.gap
+    }
+}
+
+/// Where the particles of every rank are along the axis of the slabs, by octaves of their radii. So a large
+/// particle makes ghosts only of what is near to itself.
+struct SizeSlices {
+    /// The largest radius of each class, m.
+    largest: Vec<f64>,
+    /// By rank and class, row after row.
+    extents: Vec<Extent>,
+}
+
+impl SizeSlices {
+    /// Those of particles with these `radii` (m) at these heights (m). Collective.
+    fn of(comm: &dyn Comm, radii: &[f64], height: &dyn Fn(usize) -> f64) -> Self {
+        let class = |r: f64| r.log2().floor();
+        let ends = radii.iter().map(|&r| class(r));
+        let mut ends = ends.fold([f64::NEG_INFINITY; 2], |[low, high], c| [larger(low, -c), larger(high, c)]);
+        comm.max(&mut ends);
+        let [first, last] = [-ends[0], ends[1]];
+        let count = (last - first + 1.0).max(0.0) as usize;
+        let mut own = vec![[f64::INFINITY, f64::NEG_INFINITY]; count];
+        for (i, &r) in radii.iter().enumerate() {
+            let [low, high] = &mut own[(class(r) - first) as usize];
+            (*low, *high) = (low.min(height(i)), high.max(height(i)));
+        }
+        let mut all = vec![0.0; 2 * count * comm.size()];
+        comm.all_gather(own.as_flattened(), &mut all);
+        let extents = all.as_chunks().0.iter().map(|&[low, high]| Extent { low, high }).collect();
+        SizeSlices { largest: (0..count).map(|c| (first + c as f64 + 1.0).exp2()).collect(), extents }
+    }
+
+    /// Whether a particle at `height` (m) with the radius `r` (m) is within `reach` of particles of rank `q`.
+    fn are_near(&self, q: usize, height: f64, r: f64, reach: PairReach) -> bool {
+        let of_rank = self.extents[q * self.largest.len()..].iter();
+        of_rank.zip(&self.largest).any(|(extent, &most)| extent.is_near(height, reach.between(r, most)))
+    }
 }
 
 /// Owned particles and ghosts after a relocation, by local index.
@@ -62,7 +117,7 @@ impl<'c> Decomposition<'c> {
     }
 
     /// Brings particles to their owners, adapts the slab bounds to the `loads` of the owned particles, and
-    /// finds ghosts within `cutoff` (m). Collective.
+    /// finds ghosts whose centres are within `reach` of those of other ranks. Collective.
     ///
     /// The first of the `tables` is the state; the others move along, and so do the `records` of contacts.
     pub fn relocate(
@@ -70,9 +125,10 @@ impl<'c> Decomposition<'c> {
         t: f64,
         loads: &[u64],
         tables: Vec<Table>,
-        cutoff: f64,
+        reach: PairReach,
         records: &mut ContactRecords,
     ) -> Result<Bodies, Error> {
+        let cutoff = reach.between(reach.typical, reach.typical);
         let (comm, width) = (self.comm, tables[0].width);
         let constant = self.columns.width(Changes::WithLists);
         self.ids.truncate(self.owned);
@@ -108,9 +164,24 @@ impl<'c> Decomposition<'c> {
         let order = Order::new([0, 1, 2].map(size), cutoff);
         migration::sort(|x, id| order.key(x, id), &mut self.ids, &mut tables);
         let axis = self.slabs.axis();
-        let heights: Vec<_> = extents.iter().map(|axes| axes[axis]).collect();
         let y = &tables[0].numbers[..];
-        let ghost_ids = self.halo.plan(comm, &self.ids, (y, width), (axis, &heights), cutoff);
+        let height = |i: usize| y[i * width + axis];
+        // The constant columns are the last table.
+        let radii = self.columns.find(RADIUS).map(|(_, range)| {
+            let rows = tables[tables.len() - 1].numbers.chunks_exact(constant);
+            rows.map(|row| row[range.start]).collect::<Vec<_>>()
+        });
+        let ghost_ids = match radii {
+            None => {
+                let is_near = |q: usize, i: usize| extents[q][axis].is_near(height(i), cutoff);
+                self.halo.plan(comm, &self.ids, width, &is_near)
+            }
+            Some(radii) => {
+                let slices = SizeSlices::of(comm, &radii, &height);
+                let is_near = |q: usize, i: usize| slices.are_near(q, height(i), radii[i], reach);
+                self.halo.plan(comm, &self.ids, width, &is_near)
+            }
+        };
         self.ids.extend(ghost_ids);
         let mut rows = Vec::with_capacity(y.len() + self.halo.ghosts() * width);
         rows.extend_from_slice(y);

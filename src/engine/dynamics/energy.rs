@@ -13,21 +13,24 @@ use crate::scene::walls::upwards;
 impl Dynamics<'_> {
     /// Kinetic energy of all particles at `y`, J. Collective.
     pub fn kinetic_energy(&self, y: &[f64]) -> f64 {
-        let (mass, turned) = (self.forces.parameters.mass, self.turned_mass());
-        let width = self.width();
+        let (turned, sizes, width) = (self.turned_mass(), self.forces.sizes(), self.width());
         let energy = |i: usize| {
-            let row = row(y, width, i);
+            let (row, mass) = (row(y, width, i), sizes.of(i).mass);
+            let turned = turned(mass);
             0.5 * mass * velocity(row).norm_squared() + 0.5 * turned * spin(row).norm_squared()
         };
         exact::exact_sum(self.domain.comm, self.domain.owned, energy)
     }
 
-    /// I/r^2, kg: what the mass is for velocities, for spins; 2/5 m for a homogeneous sphere.
+    /// I/r^2 (kg) for the mass m (kg) of a particle: what the mass is for velocities, for spins. It is 2/5 m
+    /// for a homogeneous sphere.
     ///
     /// An infinite inertia (1/I = 0) allows no spin but 0, and so holds no energy.
-    pub(super) fn turned_mass(&self) -> f64 {
-        let per_force = self.forces.parameters.inertia(self.law().r).spin_per_force;
-        if per_force > 0.0 { 1.0 / per_force } else { 0.0 }
+    pub(super) fn turned_mass(&self) -> impl Fn(f64) -> f64 + Sync + use<> {
+        let inertia = self.forces.parameters.inertia(self.law().r);
+        let (per_force, typical) = (inertia.spin_per_force, inertia.mass);
+        let of_typical = if per_force > 0.0 { 1.0 / per_force } else { 0.0 };
+        move |mass| if mass == typical { of_typical } else { of_typical * (mass / typical) }
     }
 
     /// Numbers of a particle in a state.
@@ -42,10 +45,11 @@ impl Dynamics<'_> {
     /// (docs/model.md).
     pub fn potential_energy(&mut self, y: &[f64]) -> (f64, f64) {
         self.put_bodies(y);
-        let BodyParameters { mass, gravity, .. } = self.forces.parameters;
+        let BodyParameters { gravity, .. } = self.forces.parameters;
         let (n, comm) = (self.domain.owned, self.domain.comm);
         let width = self.width();
-        let height = |i: usize| -mass * gravity.dot(&position(row(y, width, i)));
+        let masses: Vec<f64> = (0..n).map(|i| self.size(i).mass).collect();
+        let height = |i: usize| -masses[i] * gravity.dot(&position(row(y, width, i)));
         let l_max = self.law().l_max;
         let forces = &mut self.forces;
         let mut depths = forces.largest(Measure::Gap(GapMeasure::Depth(l_max)));
@@ -78,12 +82,18 @@ impl Dynamics<'_> {
         let BodyParameters { mass, gravity, .. } = self.forces.parameters;
         let (n, comm) = (self.domain.owned, self.domain.comm);
         let width = self.width();
-        let net = exact::exact_sum(comm, n, |i| mass * velocity(row(slope, width, i)).norm());
-        let height = exact::exact_sum(comm, n, |i| -mass * gravity.dot(&position(row(y, width, i))));
+        let sizes = self.forces.sizes();
+        let net = exact::exact_sum(comm, n, |i| sizes.of(i).mass * velocity(row(slope, width, i)).norm());
+        let weight = |i: usize| -sizes.of(i).mass * gravity.dot(&position(row(y, width, i)));
+        let height = exact::exact_sum(comm, n, weight);
+        let total = match self.columns().sized() {
+            true => exact::exact_sum(comm, n, |i| sizes.of(i).mass),
+            false => mass * self.count() as f64,
+        };
         // The force of a contact at rest is kappa times the energy that it stores, apart from the cut at
         // l_max.
         let stored = self.potential_energy(y).0 - height;
-        let weights = mass * gravity.norm() * self.count() as f64;
+        let weights = total * gravity.norm();
         net / (self.law().kappa * stored.max(0.0) + weights)
     }
 
@@ -112,10 +122,12 @@ impl Dynamics<'_> {
     /// Where the walls leave the bottom open, it is measured from the origin.
     pub fn bed_height(&self, y: &[f64]) -> f64 {
         let up = upwards(&self.forces.parameters.gravity);
-        let heights = self.domain.centres(&y[..self.particle_numbers()]).map(|x| up.dot(&x) - self.ground);
-        let mut top = [heights.fold(f64::NEG_INFINITY, f64::max)];
+        let centres = self.domain.centres(&y[..self.particle_numbers()]).enumerate();
+        // The radius last: where all are alike, it is added to the highest centre.
+        let tops = centres.map(|(i, x)| up.dot(&x) - self.ground + self.size(i).r);
+        let mut top = [tops.fold(f64::NEG_INFINITY, f64::max)];
         self.domain.comm.max(&mut top);
-        top[0] + self.law().r
+        top[0]
     }
 }
 

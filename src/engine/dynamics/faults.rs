@@ -18,23 +18,21 @@ impl Dynamics<'_> {
         self.put_bodies(y);
         let ids = |i: usize| self.domain.ids[i] as f64;
         let sort = |broken: Broken| match broken {
-            Broken::Pair(i, j, d) => [0.0, ids(i), ids(j), d],
-            Broken::Wall(i, k, overlap) => [1.0, ids(i), k as f64, overlap],
+            Broken::Pair(i, j, d) => [0.0, ids(i), ids(j), d, self.size(i).r + self.size(j).r - d],
+            Broken::Wall(i, k, overlap) => [1.0, ids(i), k as f64, overlap, overlap - self.size(i).r],
         };
-        let order = |a: &[f64; 4], b: &[f64; 4]| a.partial_cmp(b).expect("ids and lengths are not NaN");
+        let order = |a: &[f64; 5], b: &[f64; 5]| a.partial_cmp(b).expect("ids and lengths are not NaN");
         let own = self.forces.broken().map(sort).min_by(order);
-        let all = gather(self.domain.comm, own.unwrap_or([f64::INFINITY; 4]));
+        let all = gather(self.domain.comm, own.unwrap_or([f64::INFINITY; 5]));
         match all.into_iter().min_by(order)? {
-            [0.0, i, j, 0.0] => Some(Error::Coincident { i: i as u64, j: j as u64, t }),
-            [0.0, i, j, d] => {
-                let overlap = 2.0 * self.law().r - d;
+            [0.0, i, j, 0.0, _] => Some(Error::Coincident { i: i as u64, j: j as u64, t }),
+            [0.0, i, j, _, overlap] => {
                 let pair = Error::PairForce { i: i as u64, j: j as u64, overlap, t };
                 Some(if self.overflows(overlap) { pair } else { self.out_of_range([i, j], y, t) })
             }
-            [1.0, i, k, overlap] => {
+            [1.0, i, k, overlap, beyond] => {
                 let name = wall_names.get(k as usize).cloned();
                 let wall = name.unwrap_or_else(|| format!("the wall with index {k}"));
-                let beyond = overlap - self.law().r;
                 Some(if !self.overflows(overlap) {
                     self.out_of_range([i, i], y, t)
                 } else if beyond > 0.0 {

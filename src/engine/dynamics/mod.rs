@@ -10,11 +10,12 @@ use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::{Changes, Columns, POSITION, velocity};
 use crate::model::contact::LawParameters;
+use crate::model::size::Size;
 use crate::ode::{Dissipation, Layout, Segment, StepStart};
 use crate::scene::walls::{ground, upwards};
 pub use contacts::ContactRecords;
 use contacts::Contacts;
-use decomposition::Decomposition;
+use decomposition::{Decomposition, PairReach};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -53,6 +54,8 @@ pub struct Clocks {
 }
 
 /// Extremes over all particles of one state, the same on all ranks.
+///
+/// Where sizes differ, speeds and distances are scaled by a typical radius over that of the particle.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Extremes {
     /// Largest speed, m/s.
@@ -233,7 +236,7 @@ impl<'c> Dynamics<'c> {
         changed
     }
 
-    /// Mass of every particle, kg.
+    /// Mass of a typical particle, kg; where all are alike, of every particle.
     pub fn mass(&self) -> f64 {
         self.forces.parameters.mass
     }
@@ -253,13 +256,43 @@ impl<'c> Dynamics<'c> {
         self.domain.own_constants()
     }
 
-    /// Distance of centres up to which pairs are listed, m.
+    /// Distance of centres up to which pairs of typical particles are listed, m.
     pub fn cutoff(&self) -> f64 {
-        let r = self.law().r;
-        2.0 * r + self.l_max + SKIN * r
+        let reach = self.reach();
+        reach.between(reach.typical, reach.typical)
     }
 
-    /// The furthest that a step may move a particle, m.
+    /// Up to which distance of their centres pairs are listed.
+    fn reach(&self) -> PairReach {
+        PairReach { share: 1.0 + 0.5 * SKIN, gap: self.l_max, typical: self.law().r }
+    }
+
+    /// The size of the owned particle with the local index `i`.
+    pub fn size(&self, i: usize) -> Size {
+        self.forces.sizes().of(i)
+    }
+
+    /// Root of m/r of the particle for which it is least, over that of a typical one. It is 1 where all are
+    /// alike. Collective.
+    pub fn lightest(&self) -> f64 {
+        let typical = self.mass() / self.law().r;
+        let sizes = (0..self.domain.owned).map(|i| self.size(i));
+        let least = sizes.fold(f64::INFINITY, |least, size| least.min(size.mass * size.per_r));
+        let mut least = [-least];
+        self.domain.comm.max(&mut least);
+        if self.columns().sized() { (-least[0] / typical).sqrt().min(1.0) } else { 1.0 }
+    }
+
+    /// Weights of the positions of the owned particles in the norm, over those of typical ones; empty where all
+    /// are alike.
+    pub fn position_weights(&self) -> Vec<f64> {
+        let r = self.law().r;
+        let weight = |i: usize| r * self.size(i).per_r;
+        if self.columns().sized() { (0..self.domain.owned).map(weight).collect() } else { Vec::new() }
+    }
+
+    /// The furthest that a step may move a typical particle, m. A particle of another size may be moved by the
+    /// same share of its radius.
     pub fn travel(&self) -> f64 {
         TRAVEL * self.law().r
     }
@@ -395,8 +428,7 @@ impl<'c> Dynamics<'c> {
     /// It takes contacts up to a gap of l_max and two travels. All lists have these, whenever they were
     /// built, so the result does not depend on lists. Contacts beyond cannot meet within one step.
     pub(super) fn fastest_approach(&mut self, least: f64) -> f64 {
-        let within = self.l_max + 2.0 * self.travel();
-        self.forces.fastest_approach(least, within)
+        self.forces.fastest_approach(least, self.l_max, TRAVEL)
     }
 
     /// From now on computes the dissipated power with every right-hand side. This takes two more passes over
@@ -434,17 +466,19 @@ impl<'c> Dynamics<'c> {
     /// `y` and `companions` are rows of the state; the positions in `y` decide.
     fn relocate(&mut self, t: f64, y: &mut Vec<f64>, companions: &mut [&mut Vec<f64>]) -> Result<(), Error> {
         let clock = Instant::now();
-        let (cutoff, width) = (self.cutoff(), self.layout.0[0].width);
+        let (reach, width) = (self.reach(), self.layout.0[0].width);
         let loads = if self.domain.comm.size() > 1 { self.forces.loads() } else { Vec::new() };
         let mut vectors = vec![&mut *y];
         vectors.extend(companions.iter_mut().map(|numbers| &mut **numbers));
         let mut records = self.take_records(&mut vectors);
         let tables = vectors.into_iter().map(|numbers| Table { numbers, width }).collect();
-        let bodies = self.domain.relocate(t, &loads, tables, cutoff, &mut records)?;
+        let bodies = self.domain.relocate(t, &loads, tables, reach, &mut records)?;
         let owned = self.domain.owned;
         self.layout.0[0].rows = owned;
-        let cutoffs = [cutoff, cutoff - self.law().r];
-        self.forces.list(&bodies.rows, owned, &bodies.keys, cutoffs, self.domain.halo.picks());
+        let sizes = self.domain.columns.sizes(&self.domain.constants);
+        // Walls, which do not move, have the skin of two particles.
+        let cutoffs = [[reach.share, 1.0 + SKIN], [reach.gap; 2]];
+        self.forces.list(&bodies.rows, (owned, sizes), &bodies.keys, cutoffs, self.domain.halo.picks());
         self.motion.origin.clear();
         self.motion.origin.extend(self.domain.centres(y));
         let mut speed = [self.fastest(y)];
@@ -459,10 +493,11 @@ impl<'c> Dynamics<'c> {
         Ok(())
     }
 
-    /// Largest speed of the owned particles, m/s.
+    /// Largest speed of the owned particles, m/s, scaled as distances are where sizes differ.
     fn fastest(&self, y: &[f64]) -> f64 {
-        let rows = y[..self.particle_numbers()].chunks_exact(self.layout.0[0].width);
-        rows.fold(0.0, |speed, row| larger(speed, velocity(row).norm_squared())).sqrt()
+        let rows = y[..self.particle_numbers()].chunks_exact(self.layout.0[0].width).enumerate();
+        let square = |(i, row): (usize, &[f64])| velocity(row).norm_squared() * self.forces.squared_scale(i);
+        rows.fold(0.0, |speed, row| larger(speed, square(row))).sqrt()
     }
 }
 

@@ -159,11 +159,13 @@ impl Ivp for Dynamics<'_> {
     /// spring with the stiffness of a contact at rest. Friction is symmetric in this norm.
     fn length(&mut self, v: &[f64]) -> f64 {
         let clock = Instant::now();
-        let (mass, turned) = (self.forces.parameters.mass, self.turned_mass());
+        let (turned, sizes) = (self.turned_mass(), self.forces.sizes());
         let LawParameters { kappa, f_0, .. } = self.law();
         let (stiffness, width) = (kappa * f_0, self.layout.0[0].width);
         let square = |i: usize| {
             let row = &v[i * width..(i + 1) * width];
+            let mass = sizes.of(i).mass;
+            let turned = turned(mass);
             mass * velocity(row).norm_squared()
                 + turned * spin(row).norm_squared()
                 + stiffness * position(row).norm_squared()
@@ -235,7 +237,7 @@ impl Ivp for Dynamics<'_> {
     fn agree(&mut self, y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
         let clock = Instant::now();
         let whole = self.layout.whole(0);
-        let (origin, width) = (&self.motion.origin[..], whole.width);
+        let (origin, width, forces) = (&self.motion.origin[..], whole.width, &self.forces);
         let largest = |a: [f64; 3], b: [f64; 3]| std::array::from_fn(|k| larger(a[k], b[k]));
         let both = |a: (Errors, [f64; 3]), b: (Errors, [f64; 3])| (a.0.merge(b.0), largest(a.1, b.1));
         let measure = |mut first: usize, rows: Rows| {
@@ -245,11 +247,10 @@ impl Ivp for Dynamics<'_> {
                 let part: Part = whole.rows(first..first + chunk.len() / width);
                 errors = errors.merge(finish(part, chunk));
                 let from = origin[first..].iter().zip(y[part.range()].chunks_exact(width));
-                for (row, (origin, start)) in chunk.chunks_exact(width).zip(from) {
-                    let x = position(row);
+                for (i, (row, (origin, start))) in (first..).zip(chunk.chunks_exact(width).zip(from)) {
+                    let (x, scale) = (position(row), forces.squared_scale(i));
                     let ways = [x - origin, x - position(start), velocity(row)];
-                    let [drift, way, speed] = ways.map(|way| way.norm_squared());
-                    most = largest(most, [drift, way, speed]);
+                    most = largest(most, ways.map(|way| way.norm_squared() * scale));
                 }
                 first += part.len / width;
             }

@@ -403,7 +403,7 @@ fn a_new_contact_begins_with_its_own_rate() {
     let fast = |x: f64, v: f64| body(Vec3::x() * x, Vec3::new(v, v, 0.0), Vec3::new(0.2 * v, 0.1 * v, 0.3));
     let (mut dynamics, mut start) = remembering_pair([fast(0.0, 1.0), fast(0.252, -1.0)], [0.05, 0.02]);
     assert_eq!(start.y.len(), 18);
-    let norm = Norm { weights: vec![vec![1.0; 9], vec![1.0; 7]], rate: false, mean: None };
+    let norm = Norm { weights: vec![vec![1.0; 9], vec![1.0; 7]], rate: false, mean: None, rows: Vec::new() };
     let (mut trial, mut method) = (TrialStep::default(), RungeKutta::new(&DORMAND_PRINCE));
     method.attempt(&mut dynamics, &mut start, 2e-3, &norm, &mut trial);
     std::mem::swap(&mut start.y, &mut trial.next);

@@ -15,14 +15,15 @@
 //! Beyond l_c, the v of the first formula is the mean speed of a body that falls on with gravity on the way
 //! s = l - l_c + 0.6/kappa: (v + sqrt(v^2 + 2 g s))/2, at most 4 v.
 
-use super::Forces;
 use super::block_bodies::BlockBodies;
 use super::blocks::each_block;
+use super::{Forces, sizes_of};
 use crate::engine::kernel::{Closing, for_closing_pairs};
 use crate::engine::neighbors::Block;
 use crate::math::larger;
 use crate::model::columns::{position, velocity};
 use crate::model::contact::LawParameters;
+use crate::model::size::Size;
 
 /// Share of the kinetic energy of an approach from which the stored energy matters.
 const SHARE: f64 = 0.01;
@@ -38,10 +39,6 @@ const MOST_FALL: f64 = 4.0;
 /// Finds the fastest approach: the largest v/(max(0, l - l_c) + 0.6/kappa), 1/s.
 struct Approach {
     law: LawParameters,
-    /// Mass of a particle, kg.
-    mass: f64,
-    /// Contacts count up to this gap, m.
-    within: f64,
     /// Gravitational acceleration, m/s^2.
     gravity: f64,
     /// Largest rate so far, 1/s.
@@ -60,9 +57,10 @@ impl Approach {
 
     /// Takes a contact into account. `closing` (m^2/s) is the speed of the approach times the distance.
     ///
-    /// The gap (m) is the distance less `surfaces`. `m_e` is the effective mass over that of a particle.
+    /// The gap (m) is the distance less `surfaces`. `m_e` (kg) is the effective mass. Contacts count up to the
+    /// gap `within` (m).
     #[inline(always)]
-    fn take(&mut self, closing: f64, squared_distance: f64, surfaces: f64, m_e: f64) {
+    fn take(&mut self, closing: f64, squared_distance: f64, [surfaces, within]: [f64; 2], m_e: f64) {
         let LawParameters { kappa, f_0, l_max, .. } = self.law;
         // Most contacts end here.
         let slow = self.slow();
@@ -70,11 +68,11 @@ impl Approach {
             return;
         }
         let distance = squared_distance.sqrt();
-        if distance - surfaces > self.within {
+        if distance - surfaces > within {
             return;
         }
         let speed = closing / distance;
-        let matters = 2.0 * f_0 / (SHARE * kappa * m_e * self.mass * speed * speed);
+        let matters = 2.0 * f_0 / (SHARE * kappa * m_e * speed * speed);
         let l_c = (matters.ln() / kappa).min(l_max);
         let free = (distance - surfaces - l_c).max(0.0);
         let left = free + DEPTH / kappa;
@@ -86,19 +84,22 @@ impl Approach {
 }
 
 impl Forces {
-    /// The largest v/(max(0, l - l_c) + 0.6/kappa) of all contacts up to the gap `within` (m) of the current
-    /// bodies, 1/s, or 0 if it is not more than `least`.
+    /// The largest v/(max(0, l - l_c) + 0.6/kappa) of all contacts of the current bodies, 1/s, or 0 if it is
+    /// not more than `least`. Contacts count up to a gap of `l_max` (m) and the share `travel` of both radii,
+    /// or of the diameter at a wall.
     ///
     /// Its inverse is the largest step that no impact forbids.
     ///
     /// A contact across ranks is seen by both.
-    pub fn fastest_approach(&mut self, least: f64, within: f64) -> f64 {
-        let Forces { kernel, parameters, lists, bounds, block_bodies, width, set, .. } = self;
+    pub fn fastest_approach(&mut self, least: f64, l_max: f64, travel: f64) -> f64 {
+        let Forces { kernel, parameters, lists, bounds, block_bodies, width, set, sizes, .. } = self;
+        let alike = sizes.is_empty();
         let (law, width) = (kernel.law(), *width);
         let work = |(blocks, block_bodies): (&[Block], &mut [BlockBodies]), ()| {
             let gravity = parameters.gravity.norm();
-            let mut approach = Approach { law, mass: parameters.mass, within, gravity, most: least };
-            let (block, BlockBodies { bodies, batch, .. }) = (&blocks[0], &mut block_bodies[0]);
+            let mut approach = Approach { law, gravity, most: least };
+            let (block, BlockBodies { bodies, sizes, batch, .. }) = (&blocks[0], &mut block_bodies[0]);
+            let sizes = sizes_of(sizes, &**kernel, parameters);
             let squares = bodies.chunks_exact(width).map(|body| velocity(body).norm_squared());
             let fastest = squares.fold(0.0, larger).sqrt();
             // No approach is faster than the sum of two speeds. The margin is more than rounding.
@@ -106,21 +107,27 @@ impl Forces {
                 return least;
             }
             let body = |slot: u32| &bodies[slot as usize * width..];
-            let (slow, reach) = (approach.slow(), 2.0 * law.r + within);
+            let within = |surfaces: f64| [surfaces, l_max + travel * surfaces];
+            let reach = if alike { within(2.0 * law.r).iter().sum() } else { f64::INFINITY };
+            let slow = approach.slow();
             let closing = Closing { bodies, width, pairs: &block.pairs, batch, slow, reach };
             for_closing_pairs(*set, closing, &mut |[i, j]| {
                 let (a, b) = (body(i), body(j));
                 let apart = position(a) - position(b);
                 let closing = -apart.dot(&(velocity(a) - velocity(b)));
-                approach.take(closing, apart.norm_squared(), 2.0 * law.r, 0.5);
+                let [i, j] = [i, j].map(|slot| sizes.of(slot as usize));
+                // m_i m_j/(m_i + m_j)
+                let m_e = i.mass * (j.mass / (i.mass + j.mass));
+                approach.take(closing, apart.norm_squared(), within(i.r + j.r), m_e);
                 approach.slow()
             });
             for &[i, wall] in &block.walls {
+                let Size { r, mass, .. } = sizes.of(i as usize);
                 let (body, wall) = (body(i), &parameters.walls[wall as usize]);
                 let (depth, speed) = (wall.depth(&position(body)), wall.normal.dot(&velocity(body)));
                 // A centre beyond the wall is as deep as can be: its distance counts as 0.
                 let depth = depth.max(f64::MIN_POSITIVE.sqrt());
-                approach.take(speed * depth, depth * depth, law.r, 1.0);
+                approach.take(speed * depth, depth * depth, [r, l_max + travel * 2.0 * r], mass);
             }
             approach.most
         };
@@ -151,9 +158,9 @@ mod tests {
             v_min: 0.01,
             memory: None,
         };
-        let mut approach = Approach { law, mass: 2.0, within: 0.022, gravity, most: least };
+        let mut approach = Approach { law, gravity, most: least };
         let distance = 0.2 + gap;
-        approach.take(speed * distance, distance * distance, 0.2, 0.5);
+        approach.take(speed * distance, distance * distance, [0.2, 0.022], 1.0);
         approach.most
     }
 

@@ -8,12 +8,13 @@
 use super::INNER_SKIN;
 use super::memory::Found;
 use crate::engine::kernel::Batch;
-use crate::engine::neighbors::Block;
+use crate::engine::neighbors::{Block, Reach};
 use crate::math::elementary::Separate;
 use crate::math::larger;
 use crate::math::vector::{Vec3, dot, minus};
 use crate::model::columns::position;
 use crate::model::contact::LawParameters;
+use crate::model::size::{Size, Sizes, squared_scale};
 use crate::model::wall::Wall;
 
 /// Where the current state of a body can be read: number of the outbox, and index in that outbox.
@@ -26,6 +27,8 @@ pub type OutboxSlot = [u32; 2];
 /// 0. Own bodies from their positions when the lists were built.
 /// 1. Own bodies from their positions at the start of the step.
 /// 2. All bodies of the block, ghosts too, from their positions when near pairs were picked.
+///
+/// Where sizes differ, every distance is scaled by a typical radius over that of its body.
 pub type Distances = [f64; 3];
 
 /// The larger of the two values of each distance.
@@ -63,11 +66,12 @@ impl Offset {
     ///
     /// `starts` are the same bodies at the start of the step. Both are rows of `width` numbers. `way` (m^2)
     /// is the largest squared distance of the bodies from their starts. It must be infinite if a position is
-    /// NaN.
+    /// NaN. `scale` is what the squared distance of a body, by its index, is multiplied by.
     pub fn furthest(
         &mut self,
         marks: &[Vec3],
         (bodies, starts, width): (&[f64], &[f64], usize),
+        scale: impl Fn(usize) -> f64,
         way: f64,
         limit: f64,
     ) -> f64 {
@@ -78,9 +82,10 @@ impl Offset {
         }
         let mut far = 0.0;
         let ends = bodies.chunks_exact(width).zip(starts.chunks_exact(width));
-        for (mark, (body, start)) in marks.iter().zip(ends) {
-            far = larger(far, distance_squared(&position(body), mark));
-            self.measured = larger(self.measured, distance_squared(&position(start), mark));
+        for (k, (mark, (body, start))) in marks.iter().zip(ends).enumerate() {
+            let scale = scale(k);
+            far = larger(far, scale * distance_squared(&position(body), mark));
+            self.measured = larger(self.measured, scale * distance_squared(&position(start), mark));
         }
         far
     }
@@ -101,6 +106,8 @@ pub struct BlockBodies {
     ///
     /// During a right-hand side, bodies that have not been made yet still hold an earlier stage.
     pub bodies: Vec<f64>,
+    /// Their sizes; empty where all are alike.
+    pub sizes: Vec<Size>,
     /// Numbers in a row of the state.
     pub width: usize,
     /// Positions of all bodies when the near pairs were picked, by slot, m.
@@ -129,16 +136,17 @@ impl Default for Offset {
 
 /// Square of the distance that a body may move before near pairs and walls must be picked again, m^2.
 ///
-/// `r` is the radius of the spheres, m.
+/// `r` is the radius of a typical sphere, m: distances are scaled where sizes differ.
 pub fn allowed(r: f64) -> f64 {
     (0.5 * INNER_SKIN * r).powi(2)
 }
 
 impl BlockBodies {
-    /// Copies the bodies of the block from `bodies`, which holds all bodies of the rank by local index.
+    /// Copies the bodies of the block from `bodies`, which holds all bodies of the rank by local index. So do
+    /// `sizes`, if they are not empty.
     ///
     /// Also empties `picked`, so `pick_near` must follow.
-    pub fn load(&mut self, block: &Block, bodies: &[f64], width: usize) {
+    pub fn load(&mut self, block: &Block, (bodies, sizes): (&[f64], &[Size]), width: usize) {
         self.width = width;
         let count = block.range.len() + block.ghosts.len();
         clear_for(&mut self.bodies, count * width);
@@ -146,6 +154,11 @@ impl BlockBodies {
         self.bodies.extend_from_slice(&bodies[block.range.start * width..block.range.end * width]);
         for &ghost in &block.ghosts {
             self.bodies.extend_from_slice(&bodies[ghost as usize * width..(ghost as usize + 1) * width]);
+        }
+        self.sizes.clear();
+        if !sizes.is_empty() {
+            self.sizes.extend_from_slice(&sizes[block.range.clone()]);
+            self.sizes.extend(block.ghosts.iter().map(|&ghost| sizes[ghost as usize]));
         }
     }
 
@@ -176,30 +189,38 @@ impl BlockBodies {
     /// Copies the ghosts of the block from the `outboxes` of all blocks and from the `ghosts` of the rank.
     ///
     /// Also finds how far they are from where near pairs were picked.
-    pub fn import_ghosts(&mut self, block: &Block, outboxes: &[Vec<f64>], ghosts: &[f64]) {
+    ///
+    /// A typical particle has the radius `r` (m).
+    pub fn import_ghosts(&mut self, block: &Block, outboxes: &[Vec<f64>], ghosts: &[f64], r: f64) {
         let (first, width) = (block.range.len(), self.width);
-        let rows = self.bodies[first * width..].chunks_exact_mut(width);
-        for ((ghost, &[outbox, k]), picked) in rows.zip(&self.ghost_sources).zip(&self.picked[first..]) {
+        let rows = self.bodies[first * width..].chunks_exact_mut(width).enumerate();
+        for (((n, ghost), &[outbox, k]), picked) in rows.zip(&self.ghost_sources).zip(&self.picked[first..]) {
             let source = outboxes.get(outbox as usize).map_or(ghosts, Vec::as_slice);
             ghost.copy_from_slice(&source[k as usize * width..(k as usize + 1) * width]);
-            self.distances[2] = larger(self.distances[2], (position(ghost) - picked).norm_squared());
+            let way = (position(ghost) - picked).norm_squared() * squared_scale(&self.sizes, first + n, r);
+            self.distances[2] = larger(self.distances[2], way);
         }
     }
 
     /// Picks near pairs and walls for the current bodies, and stores the positions of these in `picked`.
     pub fn pick_near(&mut self, block: &mut Block, law: &LawParameters, walls: &[Wall]) {
-        let skin = INNER_SKIN * law.r;
-        let (cutoff, wall_cutoff) = (2.0 * law.r + law.l_max + skin, law.r + law.l_max + 0.5 * skin);
+        let sizes = match &self.sizes[..] {
+            [] => Sizes::Equal(Size::new(law.r, 1.0)),
+            sizes => Sizes::Each(sizes),
+        };
+        let reach = Reach { sizes, shares: [1.0 + 0.5 * INNER_SKIN; 2], gaps: [law.l_max; 2] };
         self.picked.clear();
         self.picked.extend(self.bodies.chunks_exact(self.width).map(position));
-        block.pick_near(&self.picked, cutoff, (walls, wall_cutoff));
+        block.pick_near(&self.picked, reach, walls);
         (self.distances[2], self.from_picked) = (0.0, Offset::UNKNOWN);
     }
 
     /// Picks near pairs and walls again if a body has moved too far since they were picked.
     pub fn repick_if_strayed(&mut self, block: &mut Block, law: &LawParameters, walls: &[Wall]) {
-        let bodies = self.bodies.chunks_exact(self.width).zip(&self.picked);
-        let distances = bodies.map(|(body, picked)| (position(body) - picked).norm_squared());
+        let bodies = self.bodies.chunks_exact(self.width).zip(&self.picked).enumerate();
+        let distances = bodies.map(|(slot, (body, picked))| {
+            (position(body) - picked).norm_squared() * squared_scale(&self.sizes, slot, law.r)
+        });
         if distances.fold(0.0, larger) > allowed(law.r) {
             self.pick_near(block, law, walls);
         }
@@ -211,6 +232,7 @@ impl BlockBodies {
             + self.picked.capacity() * size_of::<Vec3>()
             + self.ghost_sources.capacity() * size_of::<OutboxSlot>()
             + self.memories.capacity() * size_of::<f64>()
+            + self.sizes.capacity() * size_of::<Size>()
             + size_of::<Batch>()
     }
 }
@@ -264,7 +286,7 @@ mod tests {
                 };
                 let way = furthest(&centres(&starts));
                 let (found, exact) =
-                    (offset.furthest(&marks, (&bodies, &starts, 4), way, limit), furthest(&marks));
+                    (offset.furthest(&marks, (&bodies, &starts, 4), |_| 1.0, way, limit), furthest(&marks));
                 prop_assert!(found == exact || found == 0.0 && exact <= limit);
                 offset.end_stage();
             }
@@ -278,7 +300,7 @@ mod tests {
             let nowhere = [f64::NAN; 4];
             let mark = [Vec3::zeros()];
             for mut offset in [Offset { known, measured: 0.0 }, Offset::UNKNOWN] {
-                let found = offset.furthest(&mark, (&nowhere, &nowhere, 4), f64::INFINITY, 0.1);
+                let found = offset.furthest(&mark, (&nowhere, &nowhere, 4), |_| 1.0, f64::INFINITY, 0.1);
                 prop_assert_eq!(found, f64::INFINITY);
             }
         }

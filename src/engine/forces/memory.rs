@@ -10,12 +10,13 @@
 use super::block_bodies::BlockBodies;
 use super::blocks::each_block;
 use super::pass::{StageMaker, Vectors};
-use super::{BlockParts, Forces};
+use super::{BlockParts, Forces, sizes_of};
 use crate::engine::kernel::{Kernel, NO_ROW};
 use crate::engine::neighbors::Block;
 use crate::math::vector::Vec3;
 use crate::model::columns::{position, spin, velocity};
 use crate::model::history::{Partner, Touch};
+use crate::model::size::{Partners, Sizes};
 use crate::model::wall::Wall;
 use crate::ode::{Part, Rows, Stage};
 use crate::threads::Cut;
@@ -71,19 +72,20 @@ impl<C: Cut> Cut for ByRows<'_, C> {
 fn near_contacts<'a>(
     (block, local): (&'a Block, &'a BlockBodies),
     walls: &'a [Wall],
-    [r, gap]: [f64; 2],
+    (sizes, gap): (Sizes<'a>, f64),
 ) -> impl Iterator<Item = (bool, u32, u32)> + 'a {
     let x = |slot: u32| position(local.body(slot as usize));
-    let reach = 2.0 * r + gap;
+    let r = move |slot: u32| sizes.of(slot as usize).r;
     let pairs = block.near.iter().zip(&block.near_rows).zip(&block.near_places);
     let pairs = pairs.map(move |((&[i, j], &row), &place)| {
         // A distance that is NaN must not count as far.
+        let reach = r(i) + r(j) + gap;
         let far = (x(i) - x(j)).norm_squared() > reach * reach;
         (!far, row, place)
     });
     let of_walls = block.near_walls.iter().zip(&block.near_wall_rows).zip(&block.near_wall_places);
     let of_walls = of_walls.map(move |((&[i, wall], &row), &place)| {
-        let far = walls[wall as usize].depth(&x(i)) - r > gap;
+        let far = walls[wall as usize].depth(&x(i)) - r(i) > gap;
         (!far, row, block.pairs.len() as u32 + place)
     });
     pairs.chain(of_walls)
@@ -93,24 +95,32 @@ fn near_contacts<'a>(
 fn add_first_rate(
     kernel: &dyn Kernel,
     (block, local): (&Block, &BlockBodies),
-    walls: &[Wall],
+    (walls, sizes): (&[Wall], Sizes),
     place: usize,
     rates: &mut Vec<f64>,
 ) {
-    let (r, memory) = (kernel.law().r, &Vec3::zeros());
+    let (law, memory) = (kernel.law(), &Vec3::zeros());
+    let typical = law.memory.map_or(1.0, |memory| memory.mass);
+    let size = |slot: u32| sizes.of(slot as usize);
+    // The turning of a memory of 0 is 0.
+    let spin_n = 0.0;
     let body = |slot: u32| local.body(slot as usize);
     if let Some(&[i, j]) = block.pairs.get(place) {
         let (a, b) = (body(i), body(j));
         let apart = position(a) - position(b);
         let d = apart.norm();
         let (n, v_rel, spins) = (&(apart / d), &(velocity(a) - velocity(b)), &(spin(a) + spin(b)));
-        let touch = Touch { gap: d - 2.0 * r, n, v_rel, spins, memory };
-        return kernel.add_first_rate(Partner::Sphere, touch, &(spin(a) - spin(b)), rates);
+        let size = Partners::of_pair(&size(i), &size(j), typical);
+        let touch = Touch { gap: d - size.surfaces, n, v_rel, spins, spin_n, size, memory };
+        let difference = spin(a) * size.arms[0] - spin(b) * size.arms[1];
+        return kernel.add_first_rate(Partner::Sphere, touch, &difference, rates);
     }
     let [i, wall] = block.walls[place - block.pairs.len()];
     let (a, wall) = (body(i), &walls[wall as usize]);
     let (n, v_rel, spins) = (&-wall.normal, &velocity(a), &spin(a));
-    let touch = Touch { gap: wall.depth(&position(a)) - r, n, v_rel, spins, memory };
+    let size = Partners::of_wall(&size(i), typical);
+    let touch =
+        Touch { gap: wall.depth(&position(a)) - size.surfaces, n, v_rel, spins, spin_n, size, memory };
     kernel.add_first_rate(Partner::Wall, touch, spins, rates);
 }
 
@@ -163,12 +173,14 @@ impl Forces {
         let Forces { kernel, parameters, lists, bounds, block_bodies, row_bounds, memory_gap, .. } = self;
         let (kernel, walls) = (&**kernel, &parameters.walls[..]);
         let law = kernel.law();
-        let reach = [law.r, memory_gap.min(law.l_max)];
+        let gap = memory_gap.min(law.l_max);
         let work = |((blocks, block_bodies), rows): (BlockParts, ByRows<()>), ()| {
             let (block, local) = (&blocks[0], &mut block_bodies[0]);
             let mut found = std::mem::take(&mut local.found);
+            let local = &*local;
+            let sizes = sizes_of(&local.sizes, kernel, parameters);
             let (mut kept, mut changed) = (0, false);
-            for (within, row, _) in near_contacts((block, local), walls, reach) {
+            for (within, row, _) in near_contacts((block, local), walls, (sizes, gap)) {
                 changed |= within != (row != NO_ROW);
                 kept += usize::from(row != NO_ROW);
             }
@@ -179,17 +191,17 @@ impl Forces {
                 found.sources.clear();
                 found.first_rates.clear();
                 for (_, row, place) in
-                    near_contacts((block, local), walls, reach).filter(|(within, ..)| *within)
+                    near_contacts((block, local), walls, (sizes, gap)).filter(|(within, ..)| *within)
                 {
                     found.places.push(place);
                     found.sources.push(row);
                     if row == NO_ROW {
                         let rates = &mut found.first_rates;
-                        add_first_rate(kernel, (block, local), walls, place as usize, rates);
+                        add_first_rate(kernel, (block, local), (walls, sizes), place as usize, rates);
                     }
                 }
             }
-            local.found = found;
+            block_bodies[0].found = found;
         };
         let own = (&mut lists.blocks[..], &mut block_bodies[..]);
         let rows = ByRows { bounds: row_bounds, items: () };

@@ -11,12 +11,13 @@
 //! exchange bodies.
 
 use crate::engine::kernel::{GapMeasure, Inertia, Kernel, Survey, measure_gaps};
-use crate::engine::neighbors::{Block, Key, Lists};
+use crate::engine::neighbors::{Block, Key, Lists, Reach};
 use crate::math::instructions::InstructionSet;
 use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::{position, spin, velocity};
 use crate::model::contact::Action;
+use crate::model::size::{Size, Sizes, squared_scale};
 use crate::model::wall::Wall;
 use crate::threads;
 use block_bodies::{BlockBodies, OutboxSlot, clear_for};
@@ -41,9 +42,9 @@ const BLOCK: [usize; 2] = [64, 512];
 /// Parameters of the equations of motion besides the contact law.
 #[derive(Debug, Clone)]
 pub struct BodyParameters {
-    /// Mass of every particle, kg.
+    /// Mass of a typical particle, kg; where they are alike, of every particle.
     pub mass: f64,
-    /// 1/I, 1/(kg m^2); I = 2/5 m r^2 for a homogeneous sphere.
+    /// Its 1/I, 1/(kg m^2); I = 2/5 m r^2 for a homogeneous sphere.
     pub inverse_inertia: f64,
     /// Gravitational acceleration, m/s^2.
     pub gravity: Vec3,
@@ -88,6 +89,14 @@ pub enum Measure {
     Dissipation,
 }
 
+/// `sizes` of particles, or that of all of them where it is empty.
+fn sizes_of<'a>(sizes: &'a [Size], kernel: &dyn Kernel, parameters: &BodyParameters) -> Sizes<'a> {
+    match sizes {
+        [] => Sizes::Equal(Size::new(kernel.law().r, parameters.mass)),
+        sizes => Sizes::Each(sizes),
+    }
+}
+
 /// Blocks, and the bodies of each.
 type BlockParts<'a> = (&'a mut [Block], &'a mut [BlockBodies]);
 
@@ -102,6 +111,8 @@ pub struct Forces {
     width: usize,
     /// Mass, inertia, gravity and walls.
     pub parameters: BodyParameters,
+    /// Sizes of all particles by local index; empty where all are alike.
+    sizes: Vec<Size>,
     /// Neighbour lists, by block.
     pub lists: Lists,
     /// Number of owned particles; they have the first local indices, ghosts the next.
@@ -134,6 +145,7 @@ impl Forces {
             width: kernel.width(),
             kernel,
             parameters,
+            sizes: Vec::new(),
             lists: Lists::default(),
             owned: 0,
             bounds: vec![0, 0],
@@ -152,19 +164,20 @@ impl Forces {
     /// Takes over `bodies`, rows of the state, and builds their neighbour lists. The first `owned` of them
     /// are the owned particles, the others are ghosts.
     ///
-    /// Lists pairs of centres within `cutoff` (m), and walls within `wall_cutoff` (m) of a centre. `keys`
-    /// belong to the bodies; those of the owned particles are ascending.
+    /// Lists pairs and walls within the distances that `shares` of the radii and `gaps` (m) make, see
+    /// [`Reach`]. `keys` belong to the bodies; those of the owned particles are ascending. So do `sizes`, which
+    /// are empty where all particles are alike.
     ///
     /// `exports` are the local indices of the owned particles that are ghosts on other ranks.
     pub fn list(
         &mut self,
         bodies: &[f64],
-        owned: usize,
+        (owned, sizes): (usize, Vec<Size>),
         keys: &[Key],
-        [cutoff, wall_cutoff]: [f64; 2],
+        [shares, gaps]: [[f64; 2]; 2],
         exports: impl Iterator<Item = usize> + Clone,
     ) {
-        self.owned = owned;
+        (self.owned, self.sizes) = (owned, sizes);
         let grain = BLOCK[usize::from(!threads::is_spinning())];
         let blocks = threads::blocks(owned, grain);
         if self.shares.len() != blocks + 1 {
@@ -174,8 +187,9 @@ impl Forces {
         let list = |forces: &mut Self| {
             let bound = |share: &f64| (share * owned as f64).round() as usize;
             forces.bounds = forces.shares.iter().map(bound).collect();
-            let walls = (&forces.parameters.walls[..], wall_cutoff);
-            forces.lists.rebuild_between(&forces.bounds, &x, keys, cutoff, walls);
+            let sizes = sizes_of(&forces.sizes, &*forces.kernel, &forces.parameters);
+            let reach = Reach { sizes, shares, gaps };
+            forces.lists.rebuild_between(&forces.bounds, &x, keys, reach, &forces.parameters.walls);
             forces.load_bodies(bodies, exports.clone());
         };
         list(self);
@@ -217,10 +231,10 @@ impl Forces {
             local.ghost_sources.clear();
             local.ghost_sources.extend(block.ghosts.iter().map(|&i| source(i as usize)));
         }
-        let Forces { kernel, parameters, lists, bounds, block_bodies, .. } = self;
+        let Forces { kernel, parameters, lists, bounds, block_bodies, sizes, .. } = self;
         let law = kernel.law();
         let load_bodies = |(blocks, block_bodies): BlockParts, ()| {
-            block_bodies[0].load(&blocks[0], bodies, width);
+            block_bodies[0].load(&blocks[0], (bodies, sizes), width);
             block_bodies[0].pick_near(&mut blocks[0], &law, &parameters.walls);
         };
         each_block(bounds, (&mut lists.blocks[..], &mut block_bodies[..]), (), &load_bodies, &|(), ()| ());
@@ -282,7 +296,7 @@ impl Forces {
         };
         each_block(bounds, own, (), &put, &|(), ()| ());
         let follow = |(blocks, block_bodies): BlockParts, ()| {
-            block_bodies[0].import_ghosts(&blocks[0], outboxes, ghosts);
+            block_bodies[0].import_ghosts(&blocks[0], outboxes, ghosts, law.r);
             block_bodies[0].repick_if_strayed(&mut blocks[0], &law, &parameters.walls);
             block_bodies[0].distances = [0.0; 3];
         };
@@ -303,20 +317,32 @@ impl Forces {
         self.lists.blocks.iter().zip(&self.block_bodies).flat_map(own).collect()
     }
 
-    /// What a wall does to a body; nothing beyond the cutoff. A wall is a motionless partner with n = -n_k.
-    fn wall_action(&self, wall: &Wall, body: &[f64]) -> Option<Action> {
+    /// The sizes of the particles by local index.
+    pub fn sizes(&self) -> Sizes<'_> {
+        sizes_of(&self.sizes, &*self.kernel, &self.parameters)
+    }
+
+    /// What the squared distance that a particle moves is multiplied by, see
+    /// [`squared_scale`](crate::model::size::squared_scale). `i` is its local index.
+    pub fn squared_scale(&self, i: usize) -> f64 {
+        squared_scale(&self.sizes, i, self.kernel.law().r)
+    }
+
+    /// What a wall does to a body with the radius `r` (m); nothing beyond the cutoff. A wall is a motionless
+    /// partner with n = -n_k.
+    fn wall_action(&self, wall: &Wall, body: &[f64], r: f64) -> Option<Action> {
         let law = self.kernel.law();
-        let gap = wall.depth(&position(body)) - law.r;
+        let gap = wall.depth(&position(body)) - r;
         let action = || self.kernel.action(gap, &-wall.normal, &velocity(body), &spin(body));
         (gap <= law.l_max).then(action)
     }
 
-    /// What the contact of a pair does to its first particle, `a`.
-    fn pair_action(&self, a: &[f64], b: &[f64]) -> Action {
+    /// What the contact of a pair does to its first particle, `a`. `surfaces` (m) is the sum of the radii.
+    fn pair_action(&self, a: &[f64], b: &[f64], surfaces: f64) -> Action {
         let law = self.kernel.law();
         let apart = position(a) - position(b);
         let d = apart.norm();
-        let gap = d - 2.0 * law.r;
+        let gap = d - surfaces;
         if gap > law.l_max {
             return Action::none();
         }
@@ -350,12 +376,12 @@ impl Forces {
         combine: impl Fn(A, A) -> A + Sync,
     ) -> A {
         let Forces { kernel, parameters, lists, bounds, block_bodies, set, width, .. } = self;
-        let r = kernel.law().r;
         let work = |(blocks, block_bodies): (&[Block], &mut [BlockBodies]), ()| {
-            let BlockBodies { bodies, batch, memories, .. } = &mut block_bodies[0];
+            let BlockBodies { bodies, sizes, batch, memories, .. } = &mut block_bodies[0];
             let mut sum = identity;
-            let walls = &parameters.walls[..];
-            let survey = Survey { r, walls, bodies, width: *width, block: &blocks[0], batch, memories };
+            let (walls, block, width) = (&parameters.walls[..], &blocks[0], *width);
+            let sizes = sizes_of(sizes, &**kernel, parameters);
+            let survey = Survey { walls, bodies, sizes, width, block, batch, memories };
             let take = &mut |[first, second]: [&[f64]; 2]| {
                 sum = first.iter().zip(second).fold(sum, |sum, (&first, &second)| take(sum, [first, second]));
             };
@@ -373,8 +399,10 @@ impl Forces {
         let finite = |action: &Action| (action.force.norm_squared() + action.turning.amax()).is_finite();
         self.lists.blocks.iter().zip(&self.block_bodies).flat_map(move |(block, local)| {
             let body = |slot: u32| local.body(slot as usize);
+            let r = move |slot: u32| self.sizes().of(block.index(slot)).r;
             let pairs = block.pairs.iter().filter(|[i, _]| block.owns(*i));
-            let pairs = pairs.filter(move |&&[i, j]| !finite(&self.pair_action(body(i), body(j))));
+            let action = move |i: u32, j: u32| self.pair_action(body(i), body(j), r(i) + r(j));
+            let pairs = pairs.filter(move |&&[i, j]| !finite(&action(i, j)));
             let pairs = pairs.map(move |&[i, j]| {
                 let apart = position(body(i)) - position(body(j));
                 Broken::Pair(block.index(i), block.index(j), apart.norm())
@@ -382,10 +410,9 @@ impl Forces {
             let walls =
                 block.walls.iter().map(move |&[i, k]| (i, k as usize, &self.parameters.walls[k as usize]));
             let walls = walls.filter(move |(i, _, wall)| {
-                self.wall_action(wall, body(*i)).is_some_and(|action| !finite(&action))
+                self.wall_action(wall, body(*i), r(*i)).is_some_and(|action| !finite(&action))
             });
-            let r = self.kernel.law().r;
-            let overlap = move |i: u32, wall: &Wall| r - wall.depth(&position(body(i)));
+            let overlap = move |i: u32, wall: &Wall| r(i) - wall.depth(&position(body(i)));
             pairs.chain(walls.map(move |(i, k, wall)| Broken::Wall(block.index(i), k, overlap(i, wall))))
         })
     }
@@ -417,5 +444,6 @@ impl Forces {
             + self.block_bodies.iter().map(BlockBodies::bytes).sum::<usize>()
             + outboxes * size_of::<f64>()
             + self.exports.capacity() * size_of::<OutboxSlot>()
+            + self.sizes.capacity() * size_of::<Size>()
     }
 }

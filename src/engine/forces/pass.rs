@@ -27,12 +27,13 @@
 
 use super::block_bodies::{BlockBodies, allowed, furthest};
 use super::memory::ByRows;
-use super::{BlockParts, BodyParameters, Forces, WithOutbox, each_block};
+use super::{BlockParts, BodyParameters, Forces, WithOutbox, each_block, sizes_of};
 use crate::engine::kernel::{Inertia, Kernel, Memories, Sweep};
 use crate::engine::neighbors::{BATCH, Block};
 use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::POSITION;
+use crate::model::size::squared_scale;
 use crate::ode::{MakeStage, Part, Rows, Stage, VECTORS};
 use crate::threads::Cut;
 use fail::fail_point;
@@ -77,14 +78,16 @@ struct Field<'a> {
     kernel: &'a dyn Kernel,
     parameters: &'a BodyParameters,
     inertia: Inertia,
+    /// Radius of a typical sphere, m.
+    r: f64,
     /// Square of the distance that a body may move before near pairs must be picked again, m^2.
     allowed: f64,
 }
 
 impl<'a> Field<'a> {
     fn new(kernel: &'a dyn Kernel, parameters: &'a BodyParameters) -> Self {
-        let allowed = allowed(kernel.law().r);
-        Field { kernel, parameters, inertia: parameters.inertia(kernel.law().r), allowed }
+        let r = kernel.law().r;
+        Field { kernel, parameters, inertia: parameters.inertia(r), r, allowed: allowed(r) }
     }
 }
 
@@ -124,11 +127,13 @@ impl Field<'_> {
             let vectors = vectors.map(|rows| rows.numbers);
             (maker.make)(Stage { part: made, vectors, state: bodies, slope: slopes });
             let starts = &maker.start[made.range()];
-            let way = self.kernel.start_stage(bodies, starts, slopes);
+            let sizes = local.sizes.get(chunk.clone()).unwrap_or(&[]);
+            let way = self.kernel.start_stage(bodies, starts, sizes, slopes);
+            let scale = |k: usize| squared_scale(sizes, k, self.r);
             let ends = (&*bodies, starts, width);
-            let from_origin = local.from_origin.furthest(&maker.origin[own], ends, way, maker.free);
+            let from_origin = local.from_origin.furthest(&maker.origin[own], ends, scale, way, maker.free);
             let picked = &local.picked[chunk.clone()];
-            let strayed = local.from_picked.furthest(picked, ends, way, self.allowed);
+            let strayed = local.from_picked.furthest(picked, ends, scale, way, self.allowed);
             local.distances = furthest(local.distances, [from_origin, way, strayed]);
             self.add_walls(strayed <= self.allowed, (block, local), chunk.clone(), slopes, rates);
             first = chunk.end;
@@ -168,14 +173,15 @@ impl Field<'_> {
         let within = before(part.start)..before(part.end);
         let rows = if rows.is_empty() { &[][..] } else { &rows[within.clone()] };
         let contacts = &contacts[within];
-        let BlockBodies { bodies, batch, width, memories, .. } = local;
+        let BlockBodies { bodies, sizes, batch, width, memories, .. } = local;
         let memories = Memories { rows, states: memories, rates };
         let bodies = &bodies[part.start * *width..part.end * *width];
+        let sizes = sizes_of(sizes, self.kernel, self.parameters).from(part.start);
         self.kernel.add_walls(
             part.start,
             contacts,
             &self.parameters.walls,
-            Sweep { bodies, batch, slopes, memories },
+            Sweep { bodies, sizes, batch, slopes, memories },
         );
     }
 
@@ -218,9 +224,10 @@ impl Pairs {
                 let range = self.batches * BATCH..near.len().min((self.batches + ready) * BATCH);
                 let pairs = &near[range.clone()];
                 let rows = if near_rows.is_empty() { &[][..] } else { &near_rows[range] };
-                let BlockBodies { bodies, batch, memories, .. } = &mut *local;
+                let BlockBodies { bodies, sizes, batch, memories, .. } = &mut *local;
                 let memories = Memories { rows, states: memories, rates: &mut *rates };
-                let sweep = Sweep { bodies, batch, slopes: &mut *slopes, memories };
+                let sizes = sizes_of(sizes, field.kernel, field.parameters);
+                let sweep = Sweep { bodies, sizes, batch, slopes: &mut *slopes, memories };
                 self.count += field.kernel.add_pairs(pairs, sweep);
                 self.batches += ready;
             }
@@ -230,7 +237,8 @@ impl Pairs {
             if next.is_none_or(|next| block.owns(next)) {
                 let end = next.map_or(limit, |next| limit.min(next as usize)).max(self.done);
                 let width = local.width;
-                field.kernel.finish(&field.inertia, &mut slopes[self.done * width..end * width]);
+                let sizes = sizes_of(&local.sizes, field.kernel, field.parameters).from(self.done);
+                field.kernel.finish(&field.inertia, sizes, &mut slopes[self.done * width..end * width]);
                 self.done = end;
             }
             if ready < BATCHES {
@@ -335,7 +343,7 @@ impl Forces {
             fail_point!("worker");
             let (block, local) = (&mut blocks[0], &mut block_bodies[0]);
             let (slopes, width) = (slopes.numbers, local.width);
-            local.import_ghosts(block, outboxes, ghosts);
+            local.import_ghosts(block, outboxes, ghosts, field.r);
             let (own, Range { start, end }) = (block.range.len(), block.interior.clone());
             let mut placed = end.min(start + ahead);
             let mut items = items.cut(placed).1.cut(end - placed).0;

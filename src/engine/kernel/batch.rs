@@ -3,13 +3,14 @@
 //! They are filled from the bodies, then replaced by forces and torques, which are added to the slopes. A
 //! torque is given over the radius, N.
 
-use super::BATCH;
+use super::{BATCH, spin};
 use crate::math::instructions::Lanes;
 use crate::math::vector::{Vec3, dot, scaled, vector};
 use crate::model::columns::{POSITION, SPIN, VELOCITY};
 use crate::model::contact::{Action, Law, Rebound, Tangential};
 use crate::model::history::{Partner, Response, SHEAR, Touch};
 use crate::model::rolling::Resistance;
+use crate::model::size::{Partners, Size};
 
 /// The number of evaluated rows is a multiple of this.
 const STRIDE: usize = 8;
@@ -38,6 +39,14 @@ pub struct Batch {
     turns: [Column; 3],
     /// Their moment over the radius, N.
     moment: [Column; 3],
+    /// r_i + r_j of a pair, r of a sphere at a wall, m.
+    pub surfaces: Column,
+    /// Only for laws with memory: what else the sizes of the partners mean, see [`Partners`].
+    partners: [Column; 5],
+    /// Only for laws with memory, where spheres differ: (w_i + w_j)/2, rad/s.
+    mean_spin: [Column; 3],
+    /// Only for laws with memory: the spin about the normal with which the contact turns, rad/s.
+    spin_n: Column,
 }
 
 /// Most numbers in the memory of a contact: shear, rolling and twisting.
@@ -55,6 +64,10 @@ impl Default for Batch {
             memory: [[0.0; BATCH]; MOST_MEMORY],
             turns: columns,
             moment: columns,
+            surfaces: [0.0; BATCH],
+            partners: [[0.0; BATCH]; 5],
+            mean_spin: columns,
+            spin_n: [0.0; BATCH],
         }
     }
 }
@@ -117,6 +130,95 @@ impl Batch {
         (self.v[0][k], self.v[1][k], self.v[2][k]) = (v.x, v.y, v.z);
         if N == 9 {
             (self.spins[0][k], self.spins[1][k], self.spins[2][k]) = (spins.x, spins.y, spins.z);
+        }
+    }
+
+    /// Fills all rows for partners that are alike: pairs of equal spheres, or equal spheres at walls.
+    #[inline(always)]
+    pub fn set_alike(&mut self, r: f64, partner: Partner, remembers: bool) {
+        let partners = Partners::alike(r, partner == Partner::Wall);
+        self.surfaces = [partners.surfaces; BATCH];
+        if remembers {
+            let Partners { per_surfaces, slipped, turned, arms, .. } = partners;
+            self.partners = [per_surfaces, slipped, turned, arms[0], arms[1]].map(|number| [number; BATCH]);
+        }
+    }
+
+    /// Fills the rows of `pairs` of spheres with these `sizes`, by slot. With a memory a typical sphere has the
+    /// mass `typical` (kg).
+    #[inline(always)]
+    pub fn put_pairs<const N: usize>(
+        &mut self,
+        (bodies, sizes): (&[[f64; N]], &[Size]),
+        pairs: &[[u32; 2]],
+        typical: Option<f64>,
+    ) {
+        for (k, pair) in pairs.iter().enumerate() {
+            let [i, j] = pair.map(|slot| &sizes[slot as usize]);
+            self.surfaces[k] = i.r + j.r;
+            if typical.is_some() {
+                // For the next loop, which has vector instructions.
+                [self.partners[0][k], self.partners[1][k]] = [i.r, j.r];
+                [self.partners[2][k], self.partners[3][k]] = [i.per_mass, j.per_mass];
+                let [a, b] = pair.map(|slot| spin(&bodies[slot as usize]));
+                put(&mut self.mean_spin, k, &(a * (0.5 * i.per_r) + b * (0.5 * j.per_r)));
+            }
+        }
+        let Some(typical) = typical else { return };
+        for k in 0..Batch::rows(pairs.len()) {
+            let [r_i, r_j, per_m_i, per_m_j] = [0, 1, 2, 3].map(|c| self.partners[c][k]);
+            self.put_partners(k, Partners::between([r_i, r_j], [per_m_i, per_m_j], typical));
+        }
+    }
+
+    /// Fills row `k` for a sphere at a wall. With a memory a typical sphere has the mass `typical` (kg).
+    #[inline(always)]
+    pub fn put_wall<const N: usize>(
+        &mut self,
+        k: usize,
+        (body, size): (&[f64; N], &Size),
+        typical: Option<f64>,
+    ) {
+        self.surfaces[k] = size.r;
+        if let Some(typical) = typical {
+            self.put_partners(k, Partners::of_wall(size, typical));
+            put(&mut self.mean_spin, k, &(spin(body) * (0.5 * size.per_r)));
+        }
+    }
+
+    #[inline(always)]
+    fn put_partners(&mut self, k: usize, partners: Partners) {
+        let Partners { per_surfaces, slipped, turned, arms, .. } = partners;
+        for (column, number) in
+            self.partners.iter_mut().zip([per_surfaces, slipped, turned, arms[0], arms[1]])
+        {
+            column[k] = number;
+        }
+    }
+
+    /// What the sizes of the partners in row `k` mean.
+    #[inline(always)]
+    fn partners(&self, k: usize) -> Partners {
+        let [per_surfaces, slipped, turned, first, second] = [0, 1, 2, 3, 4].map(|c| self.partners[c][k]);
+        Partners { surfaces: self.surfaces[k], per_surfaces, slipped, turned, arms: [first, second] }
+    }
+
+    /// Finds the spins about the normals with which the first `count` contacts turn. Normals and spins must be
+    /// set; `alike` says that all partners are alike.
+    #[inline(always)]
+    pub fn find_spins<L: Lanes, const N: usize>(&mut self, count: usize, partner: Partner, alike: bool) {
+        let rows = 0..Batch::rows(count);
+        if alike {
+            // 1/(2 r), for pairs and for walls.
+            let share = if partner == Partner::Wall { 0.5 } else { 1.0 };
+            for k in rows {
+                let per_diameter = share * self.partners[0][k];
+                self.spin_n[k] = per_diameter * dot::<L>(&self.spins::<N>(k), &self.normal(k));
+            }
+        } else {
+            for k in rows {
+                self.spin_n[k] = dot::<L>(&get_vector(&self.mean_spin, k), &self.normal(k));
+            }
         }
     }
 
@@ -204,8 +306,20 @@ impl Batch {
         n: &Vec3,
     ) -> Response {
         let memory = Vec3::new(self.memory[0][k], self.memory[1][k], self.memory[2][k]);
-        let (v_rel, spins) = (&self.velocity(k), &self.spins::<N>(k));
-        law.respond::<L>(partner, Touch { gap: self.gap[k], n, v_rel, spins, memory: &memory })
+        law.respond::<L>(partner, self.touch(k, n, &self.velocity(k), &self.spins::<N>(k), &memory))
+    }
+
+    /// The contact in row `k`.
+    #[inline(always)]
+    fn touch<'a>(
+        &self,
+        k: usize,
+        n: &'a Vec3,
+        v_rel: &'a Vec3,
+        spins: &'a Vec3,
+        memory: &'a Vec3,
+    ) -> Touch<'a> {
+        Touch { gap: self.gap[k], n, v_rel, spins, spin_n: self.spin_n[k], size: self.partners(k), memory }
     }
 
     /// Fills the memories of contacts whose rows are `rows`; 0 for a contact without a row. Each memory has
@@ -234,11 +348,12 @@ impl Batch {
         }
     }
 
-    /// Fills the differences of the spins of contacts, m/s.
+    /// Fills the differences of the spins of contacts, m/s, from the spins of both partners. Those of unequal
+    /// spheres count by their arms: 2 R (w_i - w_j).
     #[inline(always)]
-    pub fn put_turns(&mut self, differences: impl Iterator<Item = Vec3>) {
-        for (k, difference) in differences.enumerate() {
-            put(&mut self.turns, k, &difference);
+    pub fn put_turns(&mut self, spins: impl Iterator<Item = [Vec3; 2]>) {
+        for (k, [a, b]) in spins.enumerate() {
+            put(&mut self.turns, k, &(a * self.partners[3][k] - b * self.partners[4][k]));
         }
     }
 
@@ -261,7 +376,7 @@ impl Batch {
                 let near = within(self.gap[k], self.near[k]);
                 let memory = Vec3::from_fn(|c, _| self.memory[next + c][k]);
                 let (n, v_rel, spins) = (&self.normal(k), &self.velocity(k), &self.spins::<9>(k));
-                let touch = Touch { gap: self.gap[k], n, v_rel, spins, memory: &memory };
+                let touch = self.touch(k, n, v_rel, spins, &memory);
                 let found = resistance.roll::<L>(rolling, partner, touch, &get_vector(&self.turns, k));
                 for c in 0..3 {
                     self.moment[c][k] = if near { found.moment[c] } else { 0.0 };
@@ -275,7 +390,7 @@ impl Batch {
                 let near = within(self.gap[k], self.near[k]);
                 let (n, v_rel, spins) = (&self.normal(k), &self.velocity(k), &self.spins::<9>(k));
                 let memory = scaled(self.memory[next][k], n);
-                let touch = Touch { gap: self.gap[k], n, v_rel, spins, memory: &memory };
+                let touch = self.touch(k, n, v_rel, spins, &memory);
                 let found = resistance.twist::<L>(twisting, partner, touch, &get_vector(&self.turns, k));
                 for c in 0..3 {
                     self.moment[c][k] += if near { found.moment[c] } else { 0.0 };
@@ -292,8 +407,8 @@ impl Batch {
         for c in 0..3 {
             for k in 0..Batch::rows(count) {
                 let (both, moment) = (self.spins[c][k], self.moment[c][k]);
-                self.spins[c][k] = both + moment;
-                self.turns[c][k] = both - moment;
+                self.spins[c][k] = both + self.partners[3][k] * moment;
+                self.turns[c][k] = both - self.partners[4][k] * moment;
             }
         }
     }
@@ -307,17 +422,17 @@ impl Batch {
         partner: Partner,
         n: &Vec3,
     ) -> f64 {
-        let (gap, v_rel, spins) = (self.gap[k], &self.velocity(k), &self.spins::<9>(k));
+        let (v_rel, spins) = (&self.velocity(k), &self.spins::<9>(k));
         let (difference, mut power, mut next) = (get_vector(&self.turns, k), 0.0, SHEAR);
         if let Some(rolling) = &resistance.rolling {
             let memory = &Vec3::from_fn(|c, _| self.memory[next + c][k]);
-            let touch = Touch { gap, n, v_rel, spins, memory };
+            let touch = self.touch(k, n, v_rel, spins, memory);
             power += resistance.roll::<L>(rolling, partner, touch, &difference).dissipation;
             next += 3;
         }
         if let Some(twisting) = &resistance.twisting {
             let memory = &scaled(self.memory[next][k], n);
-            let touch = Touch { gap, n, v_rel, spins, memory };
+            let touch = self.touch(k, n, v_rel, spins, memory);
             power += resistance.twist::<L>(twisting, partner, touch, &difference).dissipation;
         }
         power

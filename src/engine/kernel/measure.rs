@@ -1,6 +1,6 @@
 //! Numbers of every contact, such as energies, whose maxima or sums over all contacts are wanted.
 
-use super::{BATCH, Batch, Block, differences, distance, rows, spin};
+use super::{BATCH, Batch, Block, alike, distance, rows, spin, spins, typical};
 use crate::math::elementary::Arithmetic;
 use crate::math::instructions::{InstructionSet, Lanes, Vectorised, run};
 use crate::math::vector::{Vec3, scaled, vector};
@@ -8,16 +8,17 @@ use crate::model::columns::{POSITION, VELOCITY, position};
 use crate::model::contact::{AtRest, Energies, Law, Rebound, Tangential};
 use crate::model::history::{Partner, SHEAR};
 use crate::model::rolling::Resistance;
+use crate::model::size::Sizes;
 use crate::model::wall::Wall;
 
 /// The contacts of one block to be measured. Over all blocks of all ranks, each contact is measured once.
 pub struct Survey<'a> {
-    /// Radius of every sphere, m.
-    pub r: f64,
     /// The walls.
     pub walls: &'a [Wall],
     /// Bodies of the block by slot, as rows of the state.
     pub bodies: &'a [f64],
+    /// Their sizes.
+    pub sizes: Sizes<'a>,
     /// Numbers in a row of the state.
     pub width: usize,
     /// The block with its lists: near pairs and all listed walls are measured.
@@ -63,21 +64,23 @@ impl Vectorised for Gaps<'_> {
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        let Gaps(Survey { r, walls, bodies, width, block, batch, .. }, measure, take) = self;
+        let Gaps(Survey { walls, bodies, sizes, width, block, batch, .. }, measure, take) = self;
+        let r = |slot: u32| sizes.of(slot as usize).r;
         let x = |slot: u32| position(&bodies[slot as usize * width..]);
         for pairs in block.near.chunks(BATCH) {
             for (k, &[i, j]) in pairs.iter().enumerate() {
                 batch.put_normal(k, &(x(i) - x(j)));
+                batch.surfaces[k] = r(i) + r(j);
             }
             for k in 0..Batch::rows(pairs.len()) {
                 let (d2, inverse_d) = distance::<L>(&batch.normal(k));
-                batch.put_numbers(k, measure.of::<L>(L::add_product(d2, inverse_d, -2.0 * r)));
+                batch.put_numbers(k, measure.of::<L>(L::add_product(d2, inverse_d, -batch.surfaces[k])));
             }
             take_owned(block, pairs, batch, take);
         }
         for contacts in block.walls.chunks(BATCH) {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
-                batch.gap[k] = walls[wall as usize].depth(&x(i)) - r;
+                batch.gap[k] = walls[wall as usize].depth(&x(i)) - r(i);
             }
             for k in 0..Batch::rows(contacts.len()) {
                 batch.put_numbers(k, measure.of::<L>(batch.gap[k]));
@@ -94,37 +97,55 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        let Power(law, Survey { r, walls, bodies, block, batch, memories, .. }, take) = self;
+        let Power(law, Survey { walls, bodies, sizes, block, batch, memories, .. }, take) = self;
         let (bodies, energies) = (rows::<N>(bodies), law.energies());
         let resistance = law.tangential.resistance();
         let memory = resistance.map_or(SHEAR, Resistance::memory);
+        let is_alike = alike::<T>(sizes, Partner::Sphere, batch);
         for (chunk, pairs) in block.near.chunks(BATCH).enumerate() {
             if T::REMEMBERS {
                 batch.put_memories(&block.near_rows[chunk * BATCH..][..pairs.len()], memories, memory);
             }
             batch.gather::<L, N>(bodies, pairs);
+            if let Sizes::Each(sizes) = sizes {
+                batch.put_pairs((bodies, sizes), pairs, typical::<T>(&law.parameters));
+            }
             if resistance.is_some() {
-                batch.put_turns(differences(bodies, pairs));
+                batch.put_turns(spins(bodies, pairs));
             }
             for k in 0..Batch::rows(pairs.len()) {
                 let apart = batch.normal(k);
                 let (d2, inverse_d) = distance::<L>(&apart);
-                batch.gap[k] = L::add_product(d2, inverse_d, -2.0 * r);
-                put_power::<L, R, T, N>(&energies, batch, k, Partner::Sphere, &scaled(inverse_d, &apart));
+                batch.gap[k] = L::add_product(d2, inverse_d, -batch.surfaces[k]);
+                batch.put_normal(k, &scaled(inverse_d, &apart));
+            }
+            if T::REMEMBERS {
+                batch.find_spins::<L, N>(pairs.len(), Partner::Sphere, is_alike);
+            }
+            for k in 0..Batch::rows(pairs.len()) {
+                let n = batch.normal(k);
+                put_power::<L, R, T, N>(&energies, batch, k, Partner::Sphere, &n);
             }
             take_owned(block, pairs, batch, take);
         }
+        let is_alike = alike::<T>(sizes, Partner::Wall, batch);
         for (chunk, contacts) in block.walls.chunks(BATCH).enumerate() {
             if T::REMEMBERS {
                 batch.put_memories(&block.wall_rows[chunk * BATCH..][..contacts.len()], memories, memory);
             }
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize], &walls[wall as usize]);
-                batch.gap[k] = wall.depth(&vector(&body[POSITION])) - r;
+                if let Sizes::Each(sizes) = sizes {
+                    batch.put_wall(k, (body, &sizes[i as usize]), typical::<T>(&law.parameters));
+                }
+                batch.gap[k] = wall.depth(&vector(&body[POSITION])) - batch.surfaces[k];
                 batch.put::<N>(k, &-wall.normal, &vector(&body[VELOCITY]), &spin(body));
             }
+            if T::REMEMBERS {
+                batch.find_spins::<L, N>(contacts.len(), Partner::Wall, is_alike);
+            }
             if resistance.is_some() {
-                batch.put_turns(contacts.iter().map(|&[i, _]| spin(&bodies[i as usize])));
+                batch.put_turns(contacts.iter().map(|&[i, _]| [spin(&bodies[i as usize]), Vec3::zeros()]));
             }
             for k in 0..Batch::rows(contacts.len()) {
                 let n = batch.normal(k);

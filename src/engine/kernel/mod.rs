@@ -26,6 +26,7 @@ use crate::model::dahl::Dahl;
 use crate::model::effects::{Effects, Variant};
 use crate::model::history::{History, Partner, SHEAR, Touch};
 use crate::model::rolling::Resistance;
+use crate::model::size::{Size, Sizes, squared_scale};
 use crate::model::wall::Wall;
 pub use batch::Batch;
 pub use closing::{Closing, for_closing_pairs};
@@ -38,9 +39,9 @@ mod measure;
 /// What turns forces and torques into accelerations.
 #[derive(Debug, Clone, Copy)]
 pub struct Inertia {
-    /// Mass of every particle, kg.
+    /// Mass of a typical particle, kg.
     pub mass: f64,
-    /// r^2/I, 1/kg: the slope of a spin for every newton of torque over radius.
+    /// r^2/I of a typical particle, 1/kg: the slope of a spin for every newton of torque over radius.
     pub spin_per_force: f64,
     /// Gravitational acceleration, m/s^2.
     pub gravity: Vec3,
@@ -50,6 +51,8 @@ pub struct Inertia {
 pub struct Sweep<'a> {
     /// Bodies by slot, as rows of the state: the own particles of a block, then its ghosts.
     pub bodies: &'a [f64],
+    /// Their sizes.
+    pub sizes: Sizes<'a>,
     /// Scratch memory.
     pub batch: &'a mut Batch,
     /// Slopes of the first of these bodies, at most of the own particles. During a sweep they hold forces
@@ -107,8 +110,9 @@ pub trait Kernel: Send + Sync {
     /// Starts the slopes of `bodies`: their velocities, no force, no torque.
     fn start_slopes(&self, bodies: &[f64], slopes: &mut [f64]);
     /// `start_slopes`. Also returns the largest squared distance of the bodies from their positions in
-    /// `starts`, m^2; infinite where a position is NaN.
-    fn start_stage(&self, bodies: &[f64], starts: &[f64], slopes: &mut [f64]) -> f64;
+    /// `starts`, m^2; infinite where a position is NaN. The distances are scaled as their `sizes` say, which are
+    /// empty where all are alike, see [`squared_scale`].
+    fn start_stage(&self, bodies: &[f64], starts: &[f64], sizes: &[Size], slopes: &mut [f64]) -> f64;
     /// Adds forces and torques of `walls` to the slopes of the sweep.
     ///
     /// A contact is a slot and the number of a wall. The bodies and the slopes of the sweep begin with slot
@@ -119,8 +123,9 @@ pub trait Kernel: Send + Sync {
     /// A body without a slope is a ghost; nothing is added for it. Returns the number of pairs within the
     /// cutoff whose first particle has a slope.
     fn add_pairs(&self, pairs: &[[u32; 2]], sweep: Sweep) -> u64;
-    /// Turns forces and torques in `slopes` into accelerations, eqs. (2.13)-(2.15).
-    fn finish(&self, inertia: &Inertia, slopes: &mut [f64]);
+    /// Turns forces and torques in `slopes` into accelerations, eqs. (2.13)-(2.15), of spheres with these
+    /// `sizes`.
+    fn finish(&self, inertia: &Inertia, sizes: Sizes, slopes: &mut [f64]);
     /// Passes the power (W) that every contact of the survey dissipates by rebound and by friction to `take`.
     fn measure_dissipation<'a>(&self, survey: Survey<'a>, take: &'a mut Take<'a>);
     /// Force and torque of one contact, without vector instructions; arguments as for [`Law::action`].
@@ -224,7 +229,7 @@ fn rows<const N: usize>(numbers: &[f64]) -> &[[f64; N]] {
     numbers.as_chunks().0
 }
 
-/// The sum of the spins of two bodies; zero without rotation.
+/// The spin of a body, m/s; zero without rotation.
 #[inline(always)]
 fn spin<const N: usize>(body: &[f64; N]) -> Vec3 {
     if N == SPIN.end { vector(&body[SPIN]) } else { Vec3::zeros() }
@@ -282,12 +287,13 @@ impl<R: Rebound, T: Tangential, const N: usize> Kernel for Compiled<R, T, N> {
         }
     }
 
-    fn start_stage(&self, bodies: &[f64], starts: &[f64], slopes: &mut [f64]) -> f64 {
+    fn start_stage(&self, bodies: &[f64], starts: &[f64], sizes: &[Size], slopes: &mut [f64]) -> f64 {
         let (mut way, mut sum) = (0.0, 0.0);
-        let ends = rows::<N>(bodies).iter().zip(rows::<N>(starts));
-        for (slope, (body, from)) in slopes.as_chunks_mut::<N>().0.iter_mut().zip(ends) {
+        let ends = rows::<N>(bodies).iter().zip(rows::<N>(starts)).enumerate();
+        for (slope, (k, (body, from))) in slopes.as_chunks_mut::<N>().0.iter_mut().zip(ends) {
             let apart = minus(&vector(&body[POSITION]), &vector(&from[POSITION]));
-            let apart = dot::<Separate>(&apart, &apart);
+            let scale = squared_scale(sizes, k, self.law.parameters.r);
+            let apart = dot::<Separate>(&apart, &apart) * scale;
             way = if apart > way { apart } else { way };
             sum += apart;
             start(slope, body);
@@ -304,13 +310,27 @@ impl<R: Rebound, T: Tangential, const N: usize> Kernel for Compiled<R, T, N> {
         run(self.set, Pairs::<R, T, N>(&self.law, pairs, sweep))
     }
 
-    fn finish(&self, inertia: &Inertia, slopes: &mut [f64]) {
-        let (inverse_mass, gravity) = (1.0 / inertia.mass, inertia.gravity);
-        for slope in slopes.as_chunks_mut::<N>().0 {
+    fn finish(&self, inertia: &Inertia, sizes: Sizes, slopes: &mut [f64]) {
+        let gravity = inertia.gravity;
+        let finish = |slope: &mut [f64; N], inverse_mass: f64, spin_per_force: f64| {
             for k in 0..3 {
                 slope[VELOCITY.start + k] = slope[VELOCITY.start + k] * inverse_mass + gravity[k];
             }
-            slope[VELOCITY.end..].iter_mut().for_each(|turning| *turning *= inertia.spin_per_force);
+            slope[VELOCITY.end..].iter_mut().for_each(|turning| *turning *= spin_per_force);
+        };
+        let slopes = slopes.as_chunks_mut::<N>().0;
+        match sizes {
+            Sizes::Equal(_) => {
+                let inverse_mass = 1.0 / inertia.mass;
+                slopes.iter_mut().for_each(|slope| finish(slope, inverse_mass, inertia.spin_per_force));
+            }
+            Sizes::Each(sizes) => {
+                // m r^2/I is that of a typical sphere.
+                let turned = inertia.spin_per_force * inertia.mass;
+                for (slope, size) in slopes.iter_mut().zip(sizes) {
+                    finish(slope, size.per_mass, turned * size.per_mass);
+                }
+            }
         }
     }
 
@@ -338,23 +358,29 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Walls<'_, R, T, N
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        let Walls(law, first, contacts, walls, Sweep { bodies, batch, slopes, memories }) = self;
+        let Walls(law, first, contacts, walls, Sweep { bodies, sizes, batch, slopes, memories }) = self;
         let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
-        let LawParameters { r, l_max, .. } = law.parameters;
+        let (l_max, alike) = (law.parameters.l_max, alike::<T>(sizes, Partner::Wall, batch));
         let memory = law.tangential.resistance().map_or(SHEAR, Resistance::memory);
         for (chunk, contacts) in contacts.chunks(BATCH).enumerate() {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize - first], &walls[wall as usize]);
+                if let Sizes::Each(sizes) = sizes {
+                    let size = &sizes[i as usize - first];
+                    batch.put_wall::<N>(k, (body, size), typical::<T>(&law.parameters));
+                }
                 // A wall is a motionless partner with n = -n_k.
-                batch.gap[k] = wall.depth(&vector(&body[POSITION])) - r;
+                batch.gap[k] = wall.depth(&vector(&body[POSITION])) - batch.surfaces[k];
                 batch.put::<N>(k, &-wall.normal, &vector(&body[VELOCITY]), &spin(body));
             }
             let rows = own_rows(&memories, chunk * BATCH, contacts.len());
             if T::REMEMBERS {
                 batch.put_memories(rows, memories.states, memory);
+                batch.find_spins::<L, N>(contacts.len(), Partner::Wall, alike);
             }
             if let Some(resistance) = law.tangential.resistance() {
-                batch.put_turns(contacts.iter().map(|&[i, _]| spin(&bodies[i as usize - first])));
+                let spins = |&[i, _]: &[u32; 2]| [spin(&bodies[i as usize - first]), Vec3::zeros()];
+                batch.put_turns(contacts.iter().map(spins));
                 batch.resist::<L>(contacts.len(), resistance, Partner::Wall, |gap, _| gap <= l_max);
             }
             for k in 0..Batch::rows(contacts.len()) {
@@ -386,11 +412,10 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
     type Output = u64;
     #[inline(always)]
     fn work<L: Lanes>(self) -> u64 {
-        let Pairs(law, pairs, Sweep { bodies, batch, slopes, memories }) = self;
+        let Pairs(law, pairs, Sweep { bodies, sizes, batch, slopes, memories }) = self;
         let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
-        let LawParameters { r, l_max, .. } = law.parameters;
+        let (l_max, alike) = (law.parameters.l_max, alike::<T>(sizes, Partner::Sphere, batch));
         let memory = law.tangential.resistance().map_or(SHEAR, Resistance::memory);
-        let cutoff = 2.0 * r + l_max;
         let mut count = 0;
         for (chunk, pairs) in pairs.chunks(BATCH).enumerate() {
             let rows = own_rows(&memories, chunk * BATCH, pairs.len());
@@ -398,17 +423,24 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
                 batch.put_memories(rows, memories.states, memory);
             }
             batch.gather::<L, N>(bodies, pairs);
+            if let Sizes::Each(sizes) = sizes {
+                batch.put_pairs((bodies, sizes), pairs, typical::<T>(&law.parameters));
+            }
             for k in 0..Batch::rows(pairs.len()) {
                 let apart = batch.normal(k);
                 let (d2, inverse_d) = distance::<L>(&apart);
+                let cutoff = batch.surfaces[k] + l_max;
                 let far = d2 > cutoff * cutoff;
-                batch.gap[k] = L::add_product(d2, inverse_d, -2.0 * r);
+                batch.gap[k] = L::add_product(d2, inverse_d, -batch.surfaces[k]);
                 // A distance that is NaN must not count as far: the fault has to show in the forces.
                 batch.near[k] = u64::from(!far);
                 batch.put_normal(k, &scaled(inverse_d, &apart));
             }
+            if T::REMEMBERS {
+                batch.find_spins::<L, N>(pairs.len(), Partner::Sphere, alike);
+            }
             if let Some(resistance) = law.tangential.resistance() {
-                batch.put_turns(differences(bodies, pairs));
+                batch.put_turns(spins(bodies, pairs));
                 batch.resist::<L>(pairs.len(), resistance, Partner::Sphere, |_, near| near != 0);
             }
             // A separate loop. Together with the distances, more operations would wait for each other than
@@ -430,10 +462,27 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
     }
 }
 
-/// Differences of the spins of `pairs`, m/s.
+/// The spins of both partners of `pairs`, m/s.
 #[inline(always)]
-fn differences<const N: usize>(bodies: &[[f64; N]], pairs: &[[u32; 2]]) -> impl Iterator<Item = Vec3> {
-    pairs.iter().map(|&[i, j]| spin(&bodies[i as usize]) - spin(&bodies[j as usize]))
+fn spins<const N: usize>(bodies: &[[f64; N]], pairs: &[[u32; 2]]) -> impl Iterator<Item = [Vec3; 2]> {
+    pairs.iter().map(|pair| pair.map(|slot| spin(&bodies[slot as usize])))
+}
+
+/// Whether all spheres have the same size. Then fills the `batch` with what that means for contacts with
+/// these partners.
+#[inline(always)]
+fn alike<T: Tangential>(sizes: Sizes, partner: Partner, batch: &mut Batch) -> bool {
+    match sizes {
+        Sizes::Equal(size) => batch.set_alike(size.r, partner, T::REMEMBERS),
+        Sizes::Each(_) => return false,
+    }
+    true
+}
+
+/// The mass of a typical sphere, kg, where contacts have a memory.
+#[inline(always)]
+fn typical<T: Tangential>(law: &LawParameters) -> Option<f64> {
+    law.memory.filter(|_| T::REMEMBERS).map(|memory| memory.mass)
 }
 
 /// The rows of `count` contacts from `first` on; none where the law has no memory.

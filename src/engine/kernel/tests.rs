@@ -2,10 +2,11 @@
 
 use super::*;
 use crate::engine::forces::BodyParameters;
-use crate::engine::neighbors::{Lists, Order};
+use crate::engine::neighbors::{Lists, Order, Reach};
 use crate::math::elementary::Fused;
 use crate::model::columns::{position, spin, velocity};
 use crate::model::history::MemoryParameters;
+use crate::model::size::Partners;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -52,10 +53,10 @@ fn cloud(width: usize, n: usize, blocks: usize) -> (Vec<f64>, Lists) {
     let row = |body: &[Vec3; 3]| body.iter().flat_map(|v| [v.x, v.y, v.z]).take(width).collect::<Vec<_>>();
     let bodies: Vec<f64> = bodies.iter().flat_map(row).collect();
     let mut lists = Lists::default();
-    lists.rebuild(&x, &keys, n, 0.36, (&parameters().walls, 0.26), blocks);
+    lists.rebuild(&x, &keys, n, Reach::of_centres(0.36, 0.26), &parameters().walls, blocks);
     for block in &mut lists.blocks {
         let near: Vec<Vec3> = seated(block, &bodies, width).chunks_exact(width).map(position).collect();
-        block.pick_near(&near, 0.31, (&parameters().walls, 0.2));
+        block.pick_near(&near, Reach::of_centres(0.31, 0.2), &parameters().walls);
     }
     (bodies, lists)
 }
@@ -67,8 +68,25 @@ fn seated(block: &Block, bodies: &[f64], width: usize) -> Vec<f64> {
     slots.flat_map(body).copied().collect()
 }
 
+/// Sizes of the bodies of a block by slot; none where all are alike.
+fn sizes_of(block: &Block, sizes: &[Size]) -> Vec<Size> {
+    let slots = 0..(block.range.len() + block.ghosts.len()) as u32;
+    slots.filter_map(|slot| sizes.get(block.index(slot)).copied()).collect()
+}
+
+fn as_sizes(sizes: &[Size]) -> Sizes<'_> {
+    if sizes.is_empty() { Sizes::Equal(Size::new(LAW.r, parameters().mass)) } else { Sizes::Each(sizes) }
+}
+
+/// No sizes: all are alike; or sizes that differ, for 300 bodies. No contact of these is beyond the lists.
+fn all_sizes() -> [Vec<Size>; 2] {
+    let mut random = ChaCha8Rng::seed_from_u64(12);
+    let mut size = || Size::new(random.random_range(0.04..0.1), random.random_range(1.0..4.0));
+    [Vec::new(), (0..300).map(|_| size()).collect()]
+}
+
 /// Slopes of all bodies, and the number of pairs within the cutoff.
-fn slopes(kernel: &dyn Kernel, bodies: &[f64], lists: &Lists) -> (Vec<f64>, u64) {
+fn slopes(kernel: &dyn Kernel, bodies: &[f64], sizes: &[Size], lists: &Lists) -> (Vec<f64>, u64) {
     let (parameters, width) = (parameters(), kernel.width());
     let mut slopes = vec![0.0; bodies.len()];
     let mut count = 0;
@@ -77,19 +95,22 @@ fn slopes(kernel: &dyn Kernel, bodies: &[f64], lists: &Lists) -> (Vec<f64>, u64)
         let bodies = &seated(block, bodies, width);
         let slopes = &mut slopes[block.range.start * width..block.range.end * width];
         kernel.start_slopes(&bodies[..slopes.len()], slopes);
-        let walls = Sweep { bodies, batch: &mut batch, slopes: &mut *slopes, memories: Memories::none() };
+        let of_block = sizes_of(block, sizes);
+        let sizes = as_sizes(&of_block);
+        let walls =
+            Sweep { bodies, sizes, batch: &mut batch, slopes: &mut *slopes, memories: Memories::none() };
         kernel.add_walls(0, &block.walls, &parameters.walls, walls);
         count += kernel.add_pairs(
             &block.near,
-            Sweep { bodies, batch: &mut other, slopes: &mut *slopes, memories: Memories::none() },
+            Sweep { bodies, sizes, batch: &mut other, slopes: &mut *slopes, memories: Memories::none() },
         );
-        kernel.finish(&parameters.inertia(kernel.law().r), slopes);
+        kernel.finish(&parameters.inertia(kernel.law().r), sizes, slopes);
     }
     (slopes, count)
 }
 
 /// Slopes of velocity and spin of body `i`, eqs. (2.13)-(2.15), summed contact by contact.
-fn expected(kernel: &dyn Kernel, bodies: &[f64], i: usize) -> (Vec3, Vec3) {
+fn expected(kernel: &dyn Kernel, bodies: &[f64], sizes: &[Size], i: usize) -> (Vec3, Vec3) {
     let (parameters, law, width) = (parameters(), kernel.law(), kernel.width());
     let (mut force, mut turning) = (Vec3::zeros(), Vec3::zeros());
     let mut add = |gap: f64, n: Vec3, v: Vec3, spins: Vec3| {
@@ -100,27 +121,31 @@ fn expected(kernel: &dyn Kernel, bodies: &[f64], i: usize) -> (Vec3, Vec3) {
         }
     };
     let a = &bodies[i * width..][..width];
+    let (r, own) = (|j: usize| as_sizes(sizes).of(j).r, as_sizes(sizes).of(i));
     for wall in &parameters.walls {
-        add(wall.depth(&position(a)) - law.r, -wall.normal, velocity(a), spin(a));
+        add(wall.depth(&position(a)) - own.r, -wall.normal, velocity(a), spin(a));
     }
-    for (_, b) in bodies.chunks_exact(width).enumerate().filter(|(j, _)| *j != i) {
+    for (j, b) in bodies.chunks_exact(width).enumerate().filter(|(j, _)| *j != i) {
         let apart = position(a) - position(b);
-        add(apart.norm() - 2.0 * law.r, apart.normalize(), velocity(a) - velocity(b), spin(a) + spin(b));
+        let gap = apart.norm() - (own.r + r(j));
+        add(gap, apart.normalize(), velocity(a) - velocity(b), spin(a) + spin(b));
     }
-    (force / parameters.mass + parameters.gravity, turning * law.r * law.r * parameters.inverse_inertia)
+    let per_force = law.r * law.r * parameters.inverse_inertia * parameters.mass;
+    (force / own.mass + parameters.gravity, turning * (per_force / own.mass))
 }
 
-fn check(effects: Effects) {
+fn check(effects: Effects, sizes: &[Size]) {
     let width = kernel(effects, LAW, InstructionSet::available()[0]).width();
     let (bodies, lists) = cloud(width, 300, 1);
     let x: Vec<Vec3> = bodies.chunks_exact(width).map(position).collect();
     let pairs = (0..300).flat_map(|i| (i + 1..300).map(move |j| (i, j)));
-    let count = pairs.filter(|&(i, j)| (x[i] - x[j]).norm() <= 0.3).count() as u64;
+    let r = |i: usize| as_sizes(sizes).of(i).r;
+    let count = pairs.filter(|&(i, j)| (x[i] - x[j]).norm() <= r(i) + r(j) + 0.1).count() as u64;
     for set in InstructionSet::available() {
         let kernel = kernel(effects, LAW, set);
-        let reference = slopes(&*kernel, &bodies, &lists);
+        let reference = slopes(&*kernel, &bodies, sizes, &lists);
         for (i, slope) in reference.0.chunks_exact(width).enumerate() {
-            let (v, omega) = expected(&*kernel, &bodies, i);
+            let (v, omega) = expected(&*kernel, &bodies, sizes, i);
             assert!((velocity(slope) - v).norm() <= 1e-11 * v.norm());
             assert!((spin(slope) - omega).norm() <= 1e-11 * omega.norm().max(v.norm()));
             assert_eq!(position(slope), velocity(&bodies[i * width..]));
@@ -128,19 +153,21 @@ fn check(effects: Effects) {
         assert_eq!(reference.1, count);
         for blocks in [1, 2, 7] {
             let (bodies, lists) = cloud(width, 300, blocks);
-            let found = slopes(&*kernel, &bodies, &lists);
+            let found = slopes(&*kernel, &bodies, sizes, &lists);
             assert!(found == reference, "other bits: {}, {blocks} blocks", set.name());
         }
     }
     // The baseline has no fused multiply-add, all other sets have it.
     let fused = InstructionSet::available().split_off(1);
-    let bits = |&set: &InstructionSet| slopes(&*kernel(effects, LAW, set), &bodies, &lists);
+    let bits = |&set: &InstructionSet| slopes(&*kernel(effects, LAW, set), &bodies, sizes, &lists);
     assert!(fused.windows(2).all(|sets| bits(&sets[0]) == bits(&sets[1])));
 }
 
 #[test]
 fn any_blocks_and_all_sets_with_fused_operations_give_the_same_bits() {
-    all_effects().for_each(check);
+    for sizes in all_sizes() {
+        all_effects().for_each(|effects| check(effects, &sizes));
+    }
 }
 
 /// What a contact does by [`Law::respond`] and the resistances, contact by contact: force, torques on both
@@ -156,8 +183,8 @@ fn one_by_one(
     let (mut turnings, mut power) = ([found.turning; 2], found.dissipation[1]);
     let mut rates: Vec<f64> = found.rate.iter().copied().collect();
     let mut add = |moment: crate::model::rolling::Moment| {
-        turnings[0] += moment.moment;
-        turnings[1] -= moment.moment;
+        turnings[0] += moment.moment * touch.size.arms[0];
+        turnings[1] -= moment.moment * touch.size.arms[1];
         power += moment.dissipation;
         moment.rate
     };
@@ -193,7 +220,7 @@ fn turned_round(turned: bool, mut memory: Vec<f64>) -> Vec<f64> {
 /// 2^-40.
 type Remembered = (Vec<f64>, Vec<([usize; 2], Vec<f64>)>, i128);
 
-fn remembered(kernel: &dyn Kernel, blocks: usize) -> Remembered {
+fn remembered(kernel: &dyn Kernel, all_sizes: &[Size], blocks: usize) -> Remembered {
     let (width, numbers, parameters) = (kernel.width(), kernel.memory(), parameters());
     let (bodies, mut lists) = cloud(width, 300, blocks);
     let (mut slopes, mut rates, mut power) = (vec![0.0; bodies.len()], Vec::new(), 0);
@@ -210,12 +237,14 @@ fn remembered(kernel: &dyn Kernel, blocks: usize) -> Remembered {
         kernel.start_slopes(&bodies[..slopes.len()], slopes);
         let batch = &mut Batch::default();
         let memories = Memories { rows: &of_walls, states: &states, rates: &mut found };
-        let sweep = Sweep { bodies, batch, slopes: &mut *slopes, memories };
+        let of_block = sizes_of(block, all_sizes);
+        let sizes = as_sizes(&of_block);
+        let sweep = Sweep { bodies, sizes, batch, slopes: &mut *slopes, memories };
         kernel.add_walls(0, &block.walls, &parameters.walls, sweep);
         let batch = &mut Batch::default();
         let memories = Memories { rows: &of_pairs, states: &states, rates: &mut found };
-        kernel.add_pairs(&block.near, Sweep { bodies, batch, slopes: &mut *slopes, memories });
-        kernel.finish(&parameters.inertia(0.1), slopes);
+        kernel.add_pairs(&block.near, Sweep { bodies, sizes, batch, slopes: &mut *slopes, memories });
+        kernel.finish(&parameters.inertia(0.1), sizes, slopes);
         rates.extend(
             keys.iter()
                 .zip(found.chunks_exact(numbers))
@@ -224,7 +253,7 @@ fn remembered(kernel: &dyn Kernel, blocks: usize) -> Remembered {
         (block.near_rows, block.wall_rows) = (of_pairs, of_walls);
         let batch = &mut Batch::default();
         let (walls, block, memories) = (&parameters.walls[..], &*block, &states[..]);
-        let survey = Survey { r: 0.1, walls, bodies, width, block, batch, memories };
+        let survey = Survey { walls, bodies, sizes, width, block, batch, memories };
         kernel.measure_dissipation(survey, &mut |[_, friction]: [&[f64]; 2]| {
             power += friction.iter().map(|w| (w * 2f64.powi(40)).round() as i128).sum::<i128>();
         });
@@ -235,7 +264,7 @@ fn remembered(kernel: &dyn Kernel, blocks: usize) -> Remembered {
     (slopes, rates, power)
 }
 
-fn check_memory(resistance: [f64; 2], numbers: usize) {
+fn check_memory(resistance: [f64; 2], numbers: usize, sizes: &[Size]) {
     let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 0.7, mass: 2.5, resistance };
     let law = LawParameters { memory: Some(memory), ..LAW };
     let effects = Effects { variant: Variant::FrictionRotation, dissipative: true };
@@ -251,10 +280,12 @@ fn check_memory(resistance: [f64; 2], numbers: usize) {
     let mut rates = Vec::new();
     for (i, a) in rows.iter().enumerate() {
         for (k, wall) in parameters().walls.iter().enumerate() {
-            let gap = wall.depth(&position(a)) - 0.1;
+            let own = as_sizes(sizes).of(i);
+            let gap = wall.depth(&position(a)) - own.r;
             if gap <= law.l_max {
                 let (n, v_rel, spins, memory) = (&-wall.normal, &velocity(a), &spin(a), &Vec3::zeros());
-                let touch = Touch { gap, n, v_rel, spins, memory };
+                let (spin_n, size) = (0.5 * spins.dot(n) / own.r, Partners::of_wall(&own, 2.5));
+                let touch = Touch { gap, n, v_rel, spins, spin_n, size, memory };
                 let found = contact(Partner::Wall, touch, spins, &memory_of(i, 1000 + k, numbers));
                 forces[i] += found.0;
                 turnings[i] += found.1[0];
@@ -264,13 +295,19 @@ fn check_memory(resistance: [f64; 2], numbers: usize) {
         }
         for (j, b) in rows.iter().enumerate().skip(i + 1) {
             let apart = position(a) - position(b);
-            let gap = apart.norm() - 0.2;
+            let [first, second] = [i, j].map(|i| as_sizes(sizes).of(i));
+            let gap = apart.norm() - (first.r + second.r);
             if gap <= law.l_max {
                 let (n, v_rel, spins) =
                     (&apart.normalize(), &(velocity(a) - velocity(b)), &(spin(a) + spin(b)));
-                let touch = Touch { gap, n, v_rel, spins, memory: &Vec3::zeros() };
+                let size = Partners::of_pair(&first, &second, 2.5);
+                let spin_n = 0.5 * (spin(a) / first.r + spin(b) / second.r).dot(n);
+                let touch = Touch { gap, n, v_rel, spins, spin_n, size, memory: &Vec3::zeros() };
                 let memory = memory_of(i, j, numbers);
-                let found = contact(Partner::Sphere, touch, &(spin(a) - spin(b)), &memory);
+                // 2 R (w_i - w_j), with the reduced radius R.
+                let reduced = first.r * second.r / (first.r + second.r);
+                let turns = (spin(a) / first.r - spin(b) / second.r) * (2.0 * reduced);
+                let found = contact(Partner::Sphere, touch, &turns, &memory);
                 forces[i] += found.0;
                 forces[j] -= found.0;
                 turnings[i] += found.1[0];
@@ -285,10 +322,11 @@ fn check_memory(resistance: [f64; 2], numbers: usize) {
     for set in InstructionSet::available() {
         let kernel = kernel(effects, law, set);
         assert_eq!(kernel.memory(), numbers);
-        let reference = remembered(&*kernel, 1);
+        let reference = remembered(&*kernel, sizes, 1);
         for (i, slope) in reference.0.chunks_exact(9).enumerate() {
-            let force = forces[i] / 2.5 + parameters().gravity;
-            let turning = turnings[i] * (0.01 * 40.0);
+            let mass = as_sizes(sizes).of(i).mass;
+            let force = forces[i] / mass + parameters().gravity;
+            let turning = turnings[i] * (0.01 * 40.0 * 2.5 / mass);
             let off = (velocity(slope) - force).norm() / force.norm();
             assert!(off <= 1e-11, "{i}: {off} {}", set.name());
             assert!((spin(slope) - turning).norm() <= 1e-11 * turning.norm().max(force.norm()));
@@ -306,7 +344,7 @@ fn check_memory(resistance: [f64; 2], numbers: usize) {
         let sum = reference.2 as f64 * 2f64.powi(-40);
         assert!((sum - power).abs() <= 1e-9 * power, "{sum} {power}");
         for blocks in [2, 7] {
-            assert!(remembered(&*kernel, blocks) == reference, "other bits: {}, {blocks}", set.name());
+            assert!(remembered(&*kernel, sizes, blocks) == reference, "other bits: {}, {blocks}", set.name());
         }
         bits.push(reference);
     }
@@ -315,8 +353,10 @@ fn check_memory(resistance: [f64; 2], numbers: usize) {
 
 #[test]
 fn contacts_that_remember_are_summed_alike_by_any_blocks_and_sets() {
-    for (resistance, numbers) in [([0.0; 2], 3), ([0.05, 0.0], 6), ([0.0, 0.02], 4), ([0.05, 0.02], 7)] {
-        check_memory(resistance, numbers);
+    for sizes in all_sizes() {
+        for (resistance, numbers) in [([0.0; 2], 3), ([0.05, 0.0], 6), ([0.0, 0.02], 4), ([0.05, 0.02], 7)] {
+            check_memory(resistance, numbers, &sizes);
+        }
     }
 }
 
@@ -344,9 +384,9 @@ fn measured(kernel: &dyn Kernel, set: InstructionSet, blocks: usize, what: What)
     for block in &lists.blocks {
         let batch = &mut Batch::default();
         let survey = Survey {
-            r: 0.1,
             walls,
             bodies: &seated(block, &bodies, width),
+            sizes: as_sizes(&[]),
             width,
             block,
             batch,
@@ -434,7 +474,7 @@ fn coincident_centres_and_bodies_that_are_not_numbers_show() {
             for axis in 0..3 {
                 bodies[j + axis] = bodies[i + axis] + broken;
             }
-            let (slopes, _) = slopes(&*kernel, &bodies, &lists);
+            let (slopes, _) = slopes(&*kernel, &bodies, &[], &lists);
             assert!(!slopes[i + VELOCITY.start].is_finite() && !slopes[j + VELOCITY.start].is_finite());
         }
     }

@@ -138,7 +138,7 @@ impl<'c> Simulation<'c> {
         let mut companions: Vec<_> = lists.filter_map(|(list, known)| known.then_some(list)).collect();
         let particles = Particles { ids: ids.clone().collect(), columns, constants, y: &mut at_origin };
         let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut companions)?;
-        dynamics.remember_within(cutoff(scene, scale));
+        dynamics.remember_within(cutoff(scene, scale * dynamics.lightest()));
         let [slots, numbers] = remembered.contact_slots.map(|number| number as usize);
         let (first, vectors) = (ids.start, companions.len());
         let records = ContactRecords::from_table(first, &remembered.contacts, slots, [vectors, numbers]);

@@ -124,14 +124,15 @@ impl<'c> Simulation<'c> {
         let Physics { kernel, parameters } = physics;
         let rotation = kernel(InstructionSet::Baseline).width() == SPIN.end;
         let (columns, mut y, constants) = start.rows(ids.clone(), rotation);
-        put_spins(&mut y, columns.width(Changes::EveryStage), scene.particles.radius);
+        let (sizes, r) = (columns.sizes(&constants), scene.particles.radius);
+        put_spins(&mut y, columns.width(Changes::EveryStage), |i| sizes.get(i).map_or(r, |size| size.r));
         let scale = initial_condition::velocity_scale(scene, start);
         let particles = Particles { ids: ids.collect(), columns, constants, y: &mut y };
         let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut [])?;
         if scene.output.energy {
             dynamics.audit();
         }
-        dynamics.remember_within(cutoff(scene, scale));
+        dynamics.remember_within(cutoff(scene, scale * dynamics.lightest()));
         dynamics.start_contacts(&mut y);
         let mut step_start = StepStart::new(0.0, y);
         dynamics.begin();
@@ -153,12 +154,14 @@ impl<'c> Simulation<'c> {
     fn empty(scene: &Scene, comm: &'c dyn Comm, dynamics: Dynamics<'c>, scale: f64, count: u64) -> Self {
         let (norm, control) = error_control(scene, (scale, count), dynamics.columns());
         let h = control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step));
+        let norm = Norm { rows: dynamics.position_weights(), ..norm };
+        let cutoff = cutoff(scene, scale * dynamics.lightest());
         Simulation {
             comm,
             dynamics,
             integrator: Integrator::new(scene.solver.method, auto_plan(scene)),
             tolerance: control.tolerance / tightening(scene),
-            cutoff: cutoff(scene, scale),
+            cutoff,
             norm,
             wall_names: described_walls(&scene.container).into_iter().map(|(_, name)| name).collect(),
             control,
@@ -219,7 +222,7 @@ impl<'c> Simulation<'c> {
                 let share = (due - self.step_start.t) / step.h;
                 let Some((state, dissipated)) = self.frame_inside(share, step.h) else {
                     // Rare: repeat the step with new lists.
-                    self.dynamics.rebuild(&mut self.step_start)?;
+                    self.rebuild()?;
                     (self.progress.h, self.progress.limit) = (step.h, step.limit);
                     continue 'steps;
                 };

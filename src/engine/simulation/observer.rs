@@ -4,10 +4,12 @@ use super::{Counts, Simulation, Snapshot};
 use crate::domain::rows::{self, ById};
 use crate::engine::dynamics::Clocks;
 use crate::error::{Error, StopRequest};
-use crate::model::columns::{Changes, Column, Columns, put_angular_velocities};
+use crate::model::columns::{Changes, Column, Columns, MASS, RADIUS, put_angular_velocities};
+use crate::model::size::Size;
 use crate::ode::Dissipation;
 use crate::scene::stop::Rest;
 use std::borrow::Cow;
+use std::ops::Range;
 use std::time::Instant;
 
 /// The state of the system at one time, for the output and the progress line.
@@ -44,6 +46,19 @@ pub struct Frame<'a> {
 }
 
 impl Frame<'_> {
+    /// The sizes of the particles in `rows`; empty where all have that of the scene.
+    pub fn sizes(&self) -> Vec<Size> {
+        if !self.columns.sized() {
+            return Vec::new();
+        }
+        let [radii, masses] = [RADIUS, MASS].map(|name| self.constants.columns(self.range(name)));
+        radii.into_iter().zip(masses).map(|(r, mass)| Size::new(r, mass)).collect()
+    }
+
+    fn range(&self, name: &str) -> Range<usize> {
+        self.columns.find(name).expect("particles have this column").1
+    }
+
     /// The numbers of a column of the particles in `rows`, row after row.
     ///
     /// # Panics
@@ -210,7 +225,7 @@ impl Simulation<'_> {
         let width = columns.width(Changes::EveryStage);
         let mut shown = Cow::Borrowed(&state[..dynamics.ids().len() * width]);
         if columns.rotation() {
-            put_angular_velocities(shown.to_mut(), width, dynamics.law().r);
+            put_angular_velocities(shown.to_mut(), width, |i| dynamics.size(i).r);
         }
         let rows = ById::new(self.comm, count, ids, &shown, width);
         let constant = columns.width(Changes::WithLists);

@@ -74,7 +74,7 @@ pub(super) fn error_control(
     // With memory contacts oscillate. The frequency of one that carries the typical force is v sqrt(kappa/r).
     let frequency = scale * (law.kappa / r).sqrt();
     let mean = (solver.norm == NormName::Mean).then_some(control.tolerance);
-    let norm = Norm { weights, rate: paper, mean };
+    let norm = Norm { weights, rate: paper, mean, rows: Vec::new() };
     let oscillates = law.memory.is_some() && control.rule == StepRule::ProportionalIntegral;
     let long = if oscillates { LONG / frequency } else { f64::INFINITY };
     (norm, StepControl { long, ..control })

@@ -37,7 +37,7 @@ mod tests {
 
     #[test]
     fn a_tolerance_below_ten_roundings_is_refused_where_errors_are_no_rates() {
-        let scaled = Norm { weights: vec![vec![1.0; 6]], rate: false, mean: None };
+        let scaled = Norm { weights: vec![vec![1.0; 6]], rate: false, mean: None, rows: Vec::new() };
         // 4.2 m over a radius of 0.1 m: 10 * 2.2e-16 * 42.
         assert_eq!(check(&scaled, 1e-13, 1.0, 42.0, 7), Ok(()));
         let why = check(&scaled, 9e-14, 1.0, 42.0, 7).unwrap_err();
@@ -50,7 +50,7 @@ mod tests {
         // The tolerance is tightened to a hundredth.
         let why = check(&scaled, 9e-14, 0.01, 42.0, 7).unwrap_err().to_string();
         assert!(why.contains("9.33e-12 or more"), "{why}");
-        let rate = Norm { weights: vec![vec![1.0; 6]], rate: true, mean: None };
+        let rate = Norm { weights: vec![vec![1.0; 6]], rate: true, mean: None, rows: Vec::new() };
         assert_eq!(check(&rate, 1e-20, 1.0, 42.0, 7), Ok(()));
     }
 }

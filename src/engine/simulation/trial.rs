@@ -46,7 +46,7 @@ impl Simulation<'_> {
             }
             let (mut h, mut limit) = self.next_trial();
             if self.dynamics.will_outrun(h) {
-                self.dynamics.rebuild(&mut self.step_start)?;
+                self.rebuild()?;
                 // New lists may have new impacts.
                 (h, limit) = self.next_trial();
             }
@@ -55,7 +55,7 @@ impl Simulation<'_> {
             if !outcome.covered && !self.dynamics.lists_are_fresh() {
                 // Lists that do not cover the step say nothing about it: repeat it with new lists.
                 self.progress.counts.outrun += 1;
-                self.dynamics.rebuild(&mut self.step_start)?;
+                self.rebuild()?;
                 (self.progress.h, self.progress.limit) = (h, limit);
                 continue;
             }
@@ -79,6 +79,13 @@ impl Simulation<'_> {
                 self.fail_if_impossible(h, outcome)?;
             }
         }
+    }
+
+    /// Builds new lists at the last accepted state. Collective.
+    pub(super) fn rebuild(&mut self) -> Result<(), Error> {
+        self.dynamics.rebuild(&mut self.step_start)?;
+        self.norm.rows = self.dynamics.position_weights();
+        Ok(())
     }
 
     /// Size of the next trial step (s), and what decided it.

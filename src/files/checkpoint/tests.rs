@@ -37,7 +37,7 @@ fn scene(sets: &[&str]) -> Scene {
 /// A column that travels with the particles and does not act on them.
 fn tag() -> Column {
     let (name, unit) = ("tag".to_owned(), "1".to_owned());
-    Column { name, width: 2, unit, changes: Changes::WithLists, in_file: true }
+    Column { name, width: 2, unit, changes: Changes::WithLists, in_file: true, names: Vec::new() }
 }
 
 /// The tags of the particles with these ids.

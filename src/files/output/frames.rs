@@ -16,7 +16,7 @@ use super::run_group::{
 };
 use super::{Contents, Measures, Numbers, Rows, RunInfo, mpio};
 use crate::domain::comm::Comm;
-use crate::model::columns::{Changes, Column as ParticleColumn, Columns};
+use crate::model::columns::{Changes, Column as ParticleColumn, Columns, RADIUS};
 use crate::ode::Limit;
 
 /// Name of the column of positions.
@@ -164,8 +164,10 @@ impl Frames {
         schedule(&steps, "PointOffsets", 0, n)?;
         // Every point array needs offsets, even one that all frames share. Without them ParaView crashes.
         schedule(&offsets, "id", 0, 0)?;
-        schedule(&offsets, "radius", 0, 0)?;
-        for column in in_file(contents.columns).filter(|column| column.name != POSITION) {
+        schedule(&offsets, RADIUS, 0, 0)?;
+        for column in
+            in_file(contents.columns).filter(|column| ![POSITION, RADIUS].contains(&&column.name[..]))
+        {
             let stride = if column.changes == Changes::EveryStage { n } else { 0 };
             schedule(&offsets, &column.name, 0, stride)?;
         }
@@ -237,16 +239,21 @@ impl Frames {
         let point_data = &root.group("PointData")?;
         let first = id_rows.start;
         let ids: Vec<i64> = id_rows.clone().map(|id| id as i64).collect();
-        let radii = vec![contents.radius; ids.len()];
         let together = |group: &Group, name: &str, length: u64, rows: &[i64]| {
             self.transfer.write_together(&fixed::<i64>(group, name, length)?, first, rows)
         };
         together(point_data, "id", self.count, &ids)?;
-        self.transfer.write_together(&fixed::<f64>(point_data, "radius", self.count)?, first, &radii)?;
+        if !contents.columns.sized() {
+            let radii = vec![contents.radius; ids.len()];
+            self.transfer.write_together(&fixed::<f64>(point_data, RADIUS, self.count)?, first, &radii)?;
+        }
         for column in in_file(contents.columns).filter(|column| column.changes == Changes::WithLists) {
             let (name, shape) = (&column.name, column_shape(&column.width));
             let array = fixed_rows::<f64>(point_data, name, self.count, shape)?;
             set_new_text(&array, "unit", &column.unit)?;
+            if !column.names.is_empty() {
+                set_new_text(&array, "names", &column.names.join("\n"))?;
+            }
             self.transfer.write_column(&array, &Place::from_row(first), column.width, &constants(column))?;
         }
         let vertices = root.group("Vertices")?;

@@ -37,7 +37,7 @@ use claim::{Fate, Watch};
 use frames::Frames;
 use pace::Pace;
 
-pub use reopen::{Found, first_frame, frame, inspect, prepare};
+pub use reopen::{Found, Species, first_frame, frame, inspect, prepare, sizes};
 
 /// Description of a run, which is written once as attributes of `/run`.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,7 +62,7 @@ pub struct RunInfo {
     pub contact_cutoff: f64,
     /// Whether `/run/series` has columns for the dissipated energy.
     pub energy: bool,
-    /// Mass of one particle, kg.
+    /// Mass of one particle, kg; the mean where sizes differ.
     pub mass: f64,
     /// Number of MPI ranks.
     pub ranks: usize,
@@ -133,7 +133,7 @@ pub struct Seconds {
 pub struct Contents<'a> {
     /// Their number.
     pub count: u64,
-    /// Their radius, m.
+    /// Their radius where the columns hold none, m.
     pub radius: f64,
     /// What each carries.
     pub columns: &'a Columns,

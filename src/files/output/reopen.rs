@@ -14,7 +14,8 @@ use super::collective::{Transfer, begin_behind_the_end};
 use super::frames::{largest_growth, options};
 use super::run_group::put_scene;
 use crate::domain::Solo;
-use crate::model::columns::{Changes, Column};
+use crate::model::columns::{Changes, Column, MASS, RADIUS, SPECIES};
+use crate::model::size::Size;
 use crate::scene::initial_condition::InitialCondition;
 
 /// What an output file says about the run that wrote it.
@@ -89,12 +90,38 @@ pub fn frame(file: &File, k: u64, count: u64) -> Result<InitialCondition, String
     Ok(InitialCondition { x, v, omega, ..InitialCondition::default() })
 }
 
-/// The columns of `count` particles that the file holds once, for all frames; without ids and radii.
+/// The sizes of all `count` particles, none where all are alike, and their species, if they have any: names,
+/// and the number of the name of each.
+pub fn sizes(file: &File, count: u64) -> Result<(Vec<Size>, Option<Species>), String> {
+    let columns = constants(file, count).map_err(say)?;
+    let find = |name: &str| columns.iter().find(|(column, _)| column.name == name);
+    let species = find(SPECIES).map(|(column, numbers)| Species {
+        names: column.names.clone(),
+        of: numbers.iter().map(|&number| number as u32).collect(),
+    });
+    let sizes = match (find(RADIUS), find(MASS)) {
+        (Some((_, r)), Some((_, mass))) => r.iter().zip(mass).map(|(&r, &mass)| Size::new(r, mass)).collect(),
+        _ => Vec::new(),
+    };
+    Ok((sizes, species))
+}
+
+/// The species of the particles of a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Species {
+    /// Their names.
+    pub names: Vec<String>,
+    /// For each particle the index of its name.
+    pub of: Vec<u32>,
+}
+
+/// The columns of `count` particles that the file holds once, for all frames; without ids, and without radii
+/// where all are the same.
 ///
 /// A column has a unit. Arrays without one are not ours.
 fn constants(file: &File, count: u64) -> hdf5::Result<Vec<(Column, Vec<f64>)>> {
     let point_data = file.group("VTKHDF/PointData")?;
-    let of_frames = ["velocity", "angular_velocity", "id", "radius"];
+    let of_frames = ["velocity", "angular_velocity", "id"];
     let names = point_data.member_names()?.into_iter().filter(|name| !of_frames.contains(&&name[..]));
     let mut columns = Vec::new();
     for name in names {
@@ -104,7 +131,9 @@ fn constants(file: &File, count: u64) -> hdf5::Result<Vec<(Column, Vec<f64>)>> {
         };
         if array.shape().first() == Some(&(count as usize)) {
             let (unit, width) = (unit.to_string(), array.shape().get(1).copied().unwrap_or(1));
-            let column = Column { name, width, unit, changes: Changes::WithLists, in_file: true };
+            let names = array.attr("names").and_then(|names| names.read_scalar::<VarLenUnicode>());
+            let names = names.map_or_else(|_| Vec::new(), |names| names.lines().map(str::to_owned).collect());
+            let column = Column { name, width, unit, changes: Changes::WithLists, in_file: true, names };
             columns.push((column, array.read_raw()?));
         }
     }

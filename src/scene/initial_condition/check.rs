@@ -34,13 +34,16 @@ const FASTEST: f64 = 3e8;
 /// ```
 pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
     let walls = described_walls(&scene.container);
-    let (rotates, r) = (scene.rotates(), scene.particles.radius);
-    let ranges = [
-        (CENTRE, FURTHEST * r, "coordinates must be within 1e12 radii, or no contact is resolved"),
-        (VELOCITY, FASTEST, "nothing is faster than light; it must be in m/s"),
-        (SPIN, FASTEST / r, "no surface is faster than light; it must be in rad/s"),
-    ];
+    let rotates = scene.rotates();
+    start.check_sizes(scene)?;
+    let sizes = start.sizes(scene);
     for (id, ((x, v), omega)) in start.x.iter().zip(&start.v).zip(&start.omega).enumerate() {
+        let r = sizes.as_sizes().of(id).r;
+        let ranges = [
+            (CENTRE, FURTHEST * r, "coordinates must be within 1e12 radii, or no contact is resolved"),
+            (VELOCITY, FASTEST, "nothing is faster than light; it must be in m/s"),
+            (SPIN, FASTEST / r, "no surface is faster than light; it must be in rad/s"),
+        ];
         let wrong =
             |what: &str| Err(Error::Input(format!("{}: {} {what}", origin(scene), named(scene, &[id]))));
         for (vector, (columns, most, why)) in [x, v, omega].into_iter().zip(&ranges) {

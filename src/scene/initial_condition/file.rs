@@ -9,11 +9,16 @@ use csv::StringRecord;
 
 use super::InitialCondition;
 use super::header::{renamed, unread};
+use super::sizes::{COLUMNS, DENSITY, column};
 use crate::error::Error;
+use crate::model::columns::{Column, MASS, SPECIES};
 use crate::scene::{Scene, brief, shown};
 
 /// Largest number of rows that a run may read.
 const MOST_ROWS: usize = 1_000_000_000;
+
+/// Largest number of species.
+const MOST_SPECIES: usize = 1000;
 
 /// The three columns of a vector. They must be given together.
 pub(super) struct Triple {
@@ -34,11 +39,16 @@ pub(super) const NO_ROTATION: &str = "this scene has no rotation: spins must be 
 /// Reads the file that `particles.file` names. To be called on rank 0 only.
 ///
 /// A relative path starts at `scene_folder`. The order of the rows gives the ids. All values of the result
-/// are finite; [`super::check`] checks them against the walls.
+/// are finite; [`super::check`] checks them against the walls. Columns of sizes are as the file has them.
 pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<InitialCondition, Error> {
     let Some(file) = &scene.particles.file else {
         return Err(Error::Input("particles.file is missing: there is no CSV file to read".to_owned()));
     };
+    read_table(file, scene_folder, scene.rotates())
+}
+
+/// `read_csv` for the `file` of a scene that may have rotation.
+pub(crate) fn read_table(file: &Path, scene_folder: &Path, rotates: bool) -> Result<InitialCondition, Error> {
     let path = scene_folder.join(file);
     let name = shown(&path);
     let bytes = read_bytes(&path).map_err(|why| {
@@ -50,7 +60,7 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<InitialCondition, 
     let text = text_of(bytes).map_err(|(line, why)| {
         Error::Input(format!("{name}:{line}: {why}: the file must be a CSV table with the columns x,y,z"))
     })?;
-    Table { name: &name, text: &text, rotates: scene.rotates() }.read()
+    Table { name: &name, text: &text, rotates }.read()
 }
 
 /// Bytes as text, without a byte order mark. An error gives the line, from 1, and says what it is instead.
@@ -110,6 +120,10 @@ impl Table<'_> {
         let velocity = self.columns(&header, header_line, &VELOCITY)?;
         let spin = self.columns(&header, header_line, &SPIN)?;
         let mut start = InitialCondition { unread: unread(&header), ..InitialCondition::default() };
+        let sizes = self.size_columns(&header, header_line)?;
+        start.columns.extend(sizes.iter().map(|(name, unit, _)| (column(name, unit), Vec::new())));
+        let species = self.column_of(&header, header_line, SPECIES)?;
+        let (mut names, mut numbers) = (Vec::<String>::new(), Vec::new());
         while self.next(&mut reader, &mut row)? {
             // Skip a line of blanks.
             if header.len() > 1 && row.len() == 1 && row[0].trim().is_empty() {
@@ -139,6 +153,12 @@ impl Table<'_> {
             start.x.push(self.vector(&row, Some(centre), &CENTRE)?);
             start.v.push(self.vector(&row, velocity, &VELOCITY)?);
             start.omega.push(self.spin(&row, spin)?);
+            for ((name, unit, place), (_, numbers)) in sizes.iter().zip(&mut start.columns) {
+                numbers.push(self.size(&row, *place, name, unit)?);
+            }
+            if let Some(place) = species {
+                numbers.push(self.species(&row, place, &mut names)? as f64);
+            }
         }
         if start.x.is_empty() {
             return Err(Error::Input(format!(
@@ -147,12 +167,75 @@ impl Table<'_> {
                 self.name
             )));
         }
+        if species.is_some() {
+            start.columns.push((Column { names, ..column(SPECIES, "1") }, numbers));
+        }
         Ok(start)
+    }
+
+    /// The number of the column `name`, from 0, if there is one.
+    fn column_of(&self, header: &[String], line: usize, name: &str) -> Result<Option<usize>, Error> {
+        let mut named = header.iter().enumerate().filter(|(_, other)| *other == name);
+        let first = named.next().map(|(place, _)| place);
+        if named.next().is_some() {
+            let message = format!("column {name} is named twice: each name may stand there once");
+            return Err(Error::Input(format!("{}:{line}: {message}", self.name)));
+        }
+        Ok(first)
+    }
+
+    /// The index in `names` of the species of a row. A new name is added.
+    fn species(&self, row: &StringRecord, place: usize, names: &mut Vec<String>) -> Result<usize, Error> {
+        let name = row[place].trim();
+        if let Some(index) = names.iter().position(|other| other == name) {
+            return Ok(index);
+        }
+        if name.is_empty() || name.contains('\n') || names.len() == MOST_SPECIES {
+            let message = format!(
+                "species = \"{}\": column species needs a name on one line, and {MOST_SPECIES} names at most \
+                 in all",
+                brief(name)
+            );
+            return Err(self.wrong(row, &message));
+        }
+        names.push(name.to_owned());
+        Ok(names.len() - 1)
     }
 
     fn next(&self, reader: &mut csv::Reader<&[u8]>, row: &mut StringRecord) -> Result<bool, Error> {
         let read = reader.read_record(row);
         read.map_err(|why| Error::Input(format!("{}: not a CSV table: {why}", self.name)))
+    }
+
+    /// The columns of sizes: name, unit and number, from 0.
+    fn size_columns(
+        &self,
+        header: &[String],
+        line: usize,
+    ) -> Result<Vec<(&'static str, &'static str, usize)>, Error> {
+        let mut found = Vec::new();
+        for (name, unit) in COLUMNS {
+            found.extend(self.column_of(header, line, name)?.map(|place| (name, unit, place)));
+        }
+        let names: Vec<&str> = found.iter().map(|(name, ..)| *name).collect();
+        if names.contains(&MASS) && names.contains(&DENSITY) {
+            let message = "columns mass and density contradict each other: one of them says how heavy a \
+                           sphere is";
+            return Err(Error::Input(format!("{}:{line}: {message}", self.name)));
+        }
+        Ok(found)
+    }
+
+    /// A radius, a mass or a density.
+    fn size(&self, row: &StringRecord, place: usize, name: &str, unit: &str) -> Result<f64, Error> {
+        let field = row[place].trim();
+        let number = field.parse::<f64>().unwrap_or(f64::NAN);
+        if number.is_normal() && number > 0.0 {
+            return Ok(number);
+        }
+        let message =
+            format!("{name} = \"{}\": column {name} needs a number greater than 0, in {unit}", brief(field));
+        Err(self.wrong(row, &message))
     }
 
     /// Numbers of the columns of a vector, from 0; `None` if all three are absent.

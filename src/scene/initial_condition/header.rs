@@ -1,6 +1,8 @@
 //! What the names in the first line of a particle file may mean.
 
 use super::file::{CENTRE, SPIN, VELOCITY};
+use super::sizes::COLUMNS;
+use crate::model::columns::SPECIES;
 use crate::scene::brief;
 
 /// Names that other programs give the three vectors, in lower case and without anything but letters.
@@ -45,11 +47,12 @@ pub(super) fn renamed(header: &[String], absent: &[&str]) -> String {
 /// The columns of `header` that nobody reads, each with a hint where there is one. A column without a name is
 /// none.
 pub(super) fn unread(header: &[String]) -> Vec<String> {
-    let read: Vec<&str> = [CENTRE, VELOCITY, SPIN].iter().flat_map(|columns| columns.names).collect();
+    let vectors = [CENTRE, VELOCITY, SPIN];
+    let sizes = COLUMNS.iter().map(|(name, _)| *name).chain([SPECIES]);
+    let read: Vec<&str> = vectors.iter().flat_map(|columns| columns.names).chain(sizes).collect();
     let is_there = |column: &str| header.iter().any(|name| name == column);
     let described = |name: &String| {
         let hint = match (name.as_str(), likely(name).filter(|column| !is_there(column))) {
-            ("radius" | "mass", _) => format!(" (particles.{name} holds for all spheres)"),
             ("id", _) => " (the order of rows gives ids)".to_owned(),
             (_, Some(column)) => format!(" (named {column} it would be read)"),
             _ => String::new(),
@@ -91,14 +94,6 @@ mod tests {
     #[test]
     fn what_nobody_reads_is_named_with_a_hint_where_there_is_one() {
         let header = ["x", "y", "z", "wx", "radius", "tag", "", "X"].map(str::to_owned);
-        assert_eq!(
-            unread(&header),
-            [
-                "wx (named avx it would be read)",
-                "radius (particles.radius holds for all spheres)",
-                "tag",
-                "X"
-            ]
-        );
+        assert_eq!(unread(&header), ["wx (named avx it would be read)", "tag", "X"]);
     }
 }

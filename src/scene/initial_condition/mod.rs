@@ -4,6 +4,7 @@ mod check;
 mod file;
 mod header;
 pub mod overlaps;
+mod sizes;
 
 use std::ops::Range;
 
@@ -15,7 +16,8 @@ use crate::model::columns::{Changes, Column, Columns};
 use crate::scene::{Grid, Scene, cells_along};
 pub use check::check;
 pub use file::read_csv;
-pub(crate) use file::{read_bytes, text_of};
+pub(crate) use file::{read_bytes, read_table, text_of};
+pub use sizes::{OwnSizes, column, mass_of};
 
 /// Initial state of all particles. Row `k` is the particle with id `k`. All three lists have the same length.
 ///
@@ -69,7 +71,7 @@ impl InitialCondition {
 
     /// Checks the further columns; an error says what is wrong and what would be right.
     pub fn check_columns(&self) -> Result<(), Error> {
-        let taken = ["position", "velocity", "angular_velocity", "id", "radius"];
+        let taken = ["position", "velocity", "angular_velocity", "id"];
         for (k, (column, numbers)) in self.columns.iter().enumerate() {
             let name = &column.name;
             let refuse =
@@ -170,9 +172,10 @@ pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn velocity_scale(scene: &Scene, start: &InitialCondition) -> f64 {
-    let r = scene.particles.radius;
+    let (r, sizes) = (scene.particles.radius, start.sizes(scene));
     let length = |vector: &[f64; 3]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let speeds = start.v.iter().zip(&start.omega).map(|(v, omega)| length(v) + r * length(omega));
+    let speeds = start.v.iter().zip(&start.omega).enumerate();
+    let speeds = speeds.map(|(i, (v, omega))| length(v) + sizes.as_sizes().of(i).r * length(omega));
     let contact = &scene.contact;
     let candidates = [
         (length(&scene.gravity) * r).sqrt(),
@@ -259,7 +262,7 @@ mod tests {
     fn columns_that_could_not_be_written_or_found_again_are_refused() {
         let refusal = |name: &str, width, changes, numbers: usize| {
             let (name, unit) = (name.to_owned(), "1".to_owned());
-            let column = Column { name, width, unit, changes, in_file: true };
+            let column = Column { name, width, unit, changes, in_file: true, names: Vec::new() };
             let x = vec![[0.0; 3]; 2];
             let columns = vec![(column, vec![0.5; numbers])];
             let start = InitialCondition { x, columns, ..InitialCondition::default() };

@@ -1,7 +1,7 @@
 //! How deep spheres overlap each other and walls at the start.
 
 use super::InitialCondition;
-use crate::math::cells::Cells;
+use crate::math::sized_cells::SizedCells;
 use crate::math::vector::Vec3;
 use crate::scene::Scene;
 use crate::scene::walls::walls;
@@ -27,6 +27,8 @@ pub struct Overlaps {
     pub deepest: f64,
     /// The sphere with that overlap, and what it overlaps.
     pub between: (usize, Partner),
+    /// The radius of that sphere, m; of two the smaller one.
+    pub r: f64,
     /// Number of overlaps that are [`DEEP`].
     pub deep: u64,
 }
@@ -49,10 +51,12 @@ pub struct Overlaps {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn overlaps(scene: &Scene, start: &InitialCondition) -> Option<Overlaps> {
-    let r = scene.particles.radius;
+    let own_sizes = start.sizes(scene);
+    let (sizes, largest) = (own_sizes.as_sizes(), own_sizes.largest());
+    let radius = |i: usize| sizes.of(i).r;
     let x: Vec<Vec3> = start.x.iter().map(|&x| x.into()).collect();
     let mut found: Option<Overlaps> = None;
-    let mut meet = |overlap: f64, between: &dyn Fn() -> (usize, Partner)| {
+    let mut meet = |overlap: f64, r: f64, between: &dyn Fn() -> (usize, Partner)| {
         if overlap <= 0.0 {
             return;
         }
@@ -60,25 +64,27 @@ pub fn overlaps(scene: &Scene, start: &InitialCondition) -> Option<Overlaps> {
         match &mut found {
             Some(found) if found.deepest >= overlap => found.deep += deep,
             Some(found) => {
-                *found = Overlaps { deepest: overlap, between: between(), deep: found.deep + deep }
+                *found = Overlaps { deepest: overlap, between: between(), r, deep: found.deep + deep }
             }
-            None => found = Some(Overlaps { deepest: overlap, between: between(), deep }),
+            None => found = Some(Overlaps { deepest: overlap, between: between(), r, deep }),
         }
     };
-    if !cells_keep_apart(scene, 2.0 * r) {
-        let cells = Cells::new(&x, 2.0 * r);
+    if !cells_keep_apart(scene, 2.0 * largest) {
+        let touch = |a: f64, b: f64| a + b;
+        let cells = SizedCells::new(&x, Some(&radius), &touch);
         for (i, centre) in x.iter().enumerate() {
-            cells.for_each_near(centre, |j| {
-                let j = j as usize;
+            cells.for_each_near(centre, radius(i), &touch, |j| {
                 if i < j {
-                    meet(2.0 * r - (centre - x[j]).norm(), &|| (i, Partner::Sphere(j)));
+                    let [a, b] = [radius(i), radius(j)];
+                    meet(a + b - (centre - x[j]).norm(), a.min(b), &|| (i, Partner::Sphere(j)));
                 }
             });
         }
     }
     for (k, wall) in walls(&scene.container).iter().enumerate() {
         for (i, centre) in x.iter().enumerate() {
-            meet(r - wall.depth(centre), &|| (i, Partner::Wall(k)));
+            let r = radius(i);
+            meet(r - wall.depth(centre), r, &|| (i, Partner::Wall(k)));
         }
     }
     found

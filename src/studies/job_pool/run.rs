@@ -2,6 +2,8 @@
 //!
 //! A limit ends runs that take too much work.
 
+use std::sync::Arc;
+
 use super::{Sample, Work};
 use crate::domain::Solo;
 use crate::engine::simulation::{Counts, Frame, Simulation};
@@ -9,6 +11,7 @@ use crate::error::Error;
 use crate::files::run_file::State;
 use crate::math::vector::Vec3;
 use crate::model::columns::{position, spin, velocity};
+use crate::model::size::Size;
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
 
@@ -23,6 +26,8 @@ pub struct FrameData {
     pub v: Vec<Vec3>,
     /// Angular velocities, rad/s; zero without rotation.
     pub omega: Vec<Vec3>,
+    /// The size of each particle; none where all have that of the scene.
+    pub sizes: Arc<[Size]>,
     /// Kinetic energy, J.
     pub kinetic_energy: f64,
     /// Potential energy of contacts and height, J.
@@ -39,7 +44,14 @@ impl FrameData {
     /// The state as frame `number` of an output file would hold it, without spins.
     pub fn state(&self, number: u64) -> State {
         let list = |vectors: &[Vec3]| vectors.iter().map(|&vector| vector.into()).collect();
-        State { frame: number, time: self.time, x: list(&self.x), v: list(&self.v), omega: None }
+        State {
+            frame: number,
+            time: self.time,
+            x: list(&self.x),
+            v: list(&self.v),
+            omega: None,
+            sizes: self.sizes.clone(),
+        }
     }
 }
 
@@ -120,6 +132,7 @@ impl From<&Frame<'_>> for FrameData {
             x: frame.rows.map(position),
             v: frame.rows.map(velocity),
             omega: frame.rows.map(spin),
+            sizes: frame.sizes().into(),
             kinetic_energy: frame.kinetic_energy,
             potential_energy: frame.potential_energy,
             dissipated: frame.dissipated,

@@ -10,6 +10,7 @@ use demhybrid::math::elementary::Separate;
 use demhybrid::math::vector::Vec3;
 use demhybrid::model::contact::{Dissipative, LawParameters};
 use demhybrid::model::history::{History, MemoryParameters, Partner, Response, Touch};
+use demhybrid::model::size::Partners;
 
 const MEMORY: MemoryParameters =
     MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance: [0.0; 2] };
@@ -30,7 +31,8 @@ pub const X_M: f64 = MU * RHO_0 / (0.5 * KAPPA);
 /// A block on a floor that opens at the rate `opening` (m/s) and is sheared along x at the rate `slip` (m/s).
 fn respond(gap: f64, opening: f64, slip: f64, p: f64) -> Response {
     let (n, v_rel) = (Vec3::z(), Vec3::new(slip, 0.0, opening));
-    let touch = Touch { gap, n: &n, v_rel: &v_rel, spins: &Vec3::zeros(), memory: &(p * Vec3::x()) };
+    let (spins, memory, size) = (&Vec3::zeros(), &(p * Vec3::x()), Partners::alike(LAW.r, true));
+    let touch = Touch { gap, n: &n, v_rel: &v_rel, spins, spin_n: 0.0, size, memory };
     let friction = History::new(&LAW, MEMORY, false);
     friction.action::<Separate, _>(&LAW, &Dissipative::new(LAW.e, LAW.psi), Partner::Wall, touch)
 }
