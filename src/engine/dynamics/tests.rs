@@ -319,7 +319,7 @@ fn columns_that_do_not_change_follow_particles_and_their_ghosts() {
     let bodies = bed(300);
     let mut columns = Columns::new(true);
     let (name, unit, changes) = ("tag".to_owned(), "1".to_owned(), Changes::WithLists);
-    columns.push(Column { name, width: 2, unit, changes, in_file: false });
+    columns.push(Column { name, width: 2, unit, changes, in_file: false, names: Vec::new() });
     let tags = |ids: &[u64]| ids.iter().flat_map(|&id| [id as f64, 0.5 - id as f64]).collect::<Vec<_>>();
     for ranks in 1..=3 {
         team(ranks, |comm| {

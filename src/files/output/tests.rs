@@ -252,7 +252,7 @@ fn columns_that_do_not_change_are_written_once_and_only_if_they_belong_in_the_fi
     let mut columns = Columns::new(false);
     for (name, width, in_file) in [("mass", 1, true), ("hidden", 1, false), ("tag", 2, true)] {
         let (name, unit, changes) = (name.to_owned(), "1".to_owned(), Changes::WithLists);
-        columns.push(Column { name, width, unit, changes, in_file });
+        columns.push(Column { name, width, unit, changes, in_file, names: Vec::new() });
     }
     let contents = Contents { count: COUNT, radius: RADIUS, columns: &columns };
     let constants = |column: &Column| match column.width {
