@@ -20,4 +20,5 @@ mod reference;
 mod rest;
 mod rolling;
 mod scaling;
+mod sizes;
 mod solver;

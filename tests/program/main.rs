@@ -22,5 +22,7 @@ mod readers;
 mod regions;
 mod render;
 mod restart;
+#[cfg(feature = "mpi")]
+mod sizes;
 mod streams;
 mod writers;

@@ -121,6 +121,7 @@ impl<'c> Simulation<'c> {
     ) -> Result<Self, Error> {
         let ids = rows::block(start.x.len() as u64, comm.rank(), comm.size());
         start.check_columns()?;
+        start.check_sizes(scene)?;
         let Physics { kernel, parameters } = physics;
         let rotation = kernel(InstructionSet::Baseline).width() == SPIN.end;
         let (columns, mut y, constants) = start.rows(ids.clone(), rotation);

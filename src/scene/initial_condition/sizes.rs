@@ -80,7 +80,10 @@ impl InitialCondition {
     /// Turns columns of radii, masses and densities into radii and masses of all particles, or into the
     /// radius and the mass of the scene where all are alike. `density` (kg/m^3) is that of the scene, if it
     /// gives one.
-    pub(crate) fn settle_sizes(&mut self, scene: &mut Scene, density: Option<f64>) {
+    ///
+    /// Whoever reads a particle file by [`read_csv`](super::read_csv) calls it before a run;
+    /// [`crate::engine::load::load`] does so.
+    pub fn settle_sizes(&mut self, scene: &mut Scene, density: Option<f64>) {
         let (radii, masses, densities) = (self.column(RADIUS), self.column(MASS), self.column(DENSITY));
         if radii.or(masses).or(densities).is_none() {
             return;
@@ -107,7 +110,7 @@ impl InitialCondition {
     }
 
     /// Checks columns of sizes: both or none, positive, and within what the lists of neighbours manage.
-    pub(super) fn check_sizes(&self, scene: &Scene) -> Result<(), Error> {
+    pub(crate) fn check_sizes(&self, scene: &Scene) -> Result<(), Error> {
         let source = scene.particles.file.as_ref().map_or("the particles".to_owned(), |file| shown(file));
         let wrong = |why: String| Err(Error::Input(format!("{source}: {why}")));
         if self.column(RADIUS).is_some() != self.column(MASS).is_some() {
