@@ -207,11 +207,13 @@ impl Norm {
         let weights = &self.weights[part.segment][..];
         assert_eq!(weights.len(), part.width, "every column of the segment has a weight");
         if part.segment == 0 && !self.rows.is_empty() {
-            let weight = |i: usize, c: usize| {
-                weights[c] * if c < part.positions { self.rows[part.row + i] } else { 1.0 }
-            };
-            let weighted = |k: usize| weight(k / part.width, k % part.width) * value(part.start + k).abs();
-            return (0..part.len).fold(0.0, |most, k| larger(most, weighted(k)));
+            let own = &self.rows[part.row..part.row + part.len / part.width];
+            return (part.start..).step_by(part.width).zip(own).fold(0.0, |most, (row, &factor)| {
+                (0..part.width).fold(most, |most, c| {
+                    let weight = if c < part.positions { weights[c] * factor } else { weights[c] };
+                    larger(most, weight * value(row + c).abs())
+                })
+            });
         }
         match weights.len() {
             // The usual widths, which the compiler then knows.

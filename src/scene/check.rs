@@ -215,6 +215,18 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
     format!("unknown key {}: {hint}{table} knows {}", joined(shown, name), known.join(", "))
 }
 
+/// Checks that there is a radius.
+pub(super) fn one_radius(source: &Source, scene: &Scene) -> Result<(), Error> {
+    match source.key("particles.radius") {
+        None if scene.particles.radius.is_nan() => Err(source.error(
+            source.key("particles"),
+            "particles.radius is missing: it is the radius r of every sphere in m, e.g. radius = 0.1, or \
+             particles.file has a column radius",
+        )),
+        _ => Ok(()),
+    }
+}
+
 /// Checks how keys relate to each other.
 pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
     one_mass(source, scene)?;

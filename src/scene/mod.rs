@@ -84,6 +84,7 @@ pub struct Scene {
 #[serde(deny_unknown_fields)]
 pub struct Particles {
     /// Radius r of a particle, m; > 0.
+    #[serde(default = "left_out")]
     pub radius: f64,
     /// Mass of one particle, kg; > 0. A density gives it as well.
     #[serde(default = "left_out")]
@@ -386,6 +387,7 @@ impl Scene {
         check::keys_and_values(&mut source, table.get_ref())?;
         let mut scene = Scene::deserialize(toml::Deserializer::from(table))
             .map_err(|mistake| source.error(mistake.span(), mistake.message()))?;
+        check::one_radius(&source, &scene)?;
         scene.fill_in_mass();
         scene.fill_in_lengths();
         scene.fill_in_output(name);

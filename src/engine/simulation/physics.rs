@@ -1,6 +1,7 @@
 //! What a scene calls for: kernel, body parameters, norm, step control and methods.
 
 use super::tolerance::tolerance;
+use crate::engine::dynamics::Dynamics;
 use crate::engine::forces::BodyParameters;
 use crate::engine::kernel::{Kernel, kernel};
 use crate::math::instructions::InstructionSet;
@@ -78,6 +79,12 @@ pub(super) fn error_control(
     let oscillates = law.memory.is_some() && control.rule == StepRule::ProportionalIntegral;
     let long = if oscillates { LONG / frequency } else { f64::INFINITY };
     (norm, StepControl { long, ..control })
+}
+
+/// Factors of the weights of positions for every particle: errors are compared with its own radius. The
+/// published norm compares with none.
+pub(super) fn position_weights(dynamics: &Dynamics, norm: &Norm) -> Vec<f64> {
+    if norm.rate { Vec::new() } else { dynamics.position_weights() }
 }
 
 /// Largest number of state vectors that the methods of the scene use.

@@ -84,7 +84,7 @@ impl Simulation<'_> {
     /// Builds new lists at the last accepted state. Collective.
     pub(super) fn rebuild(&mut self) -> Result<(), Error> {
         self.dynamics.rebuild(&mut self.step_start)?;
-        self.norm.rows = self.dynamics.position_weights();
+        self.norm.rows = position_weights(&self.dynamics, &self.norm);
         Ok(())
     }
 
