@@ -446,6 +446,7 @@ fn an_elastic_pair_that_rubs_with_memory_gains_nothing() {
         let case = Case::defaults()
             .set("t_end", 1.0)
             .set("output.interval", 0.01)
+            .set("contact.stiffness_exponent", 150.0 / R)
             .set("contact.restitution", 1.0)
             .set("contact.interaction_distance", 0.02)
             .set("friction.law", "history")
