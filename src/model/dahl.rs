@@ -96,8 +96,12 @@ impl Dahl {
         let above = at_least(0.0, A::add_product(2.0, q, -1.0));
         let g = if q < 1.0 { above * above } else { at_most(2.0, A::add_product(4.0, q, -3.0)) };
         let per_way = s * self.inverse_full;
-        let growth = A::add_product(per_way, dot::<A>(t, p), self.half_kappa * opening * p2);
-        let wear = g * at_least(0.0, growth) * (inverse_p * inverse_p);
+        let slip = dot::<A>(t, p);
+        let growth = A::add_product(per_way, slip, self.half_kappa * opening * p2);
+        // The force stays within the limit. A memory beyond it stores no more than that force takes from the
+        // motion, or contacts would create energy. The rest wears off.
+        let beyond = (1.0 - held) * (per_way * slip);
+        let wear = at_least(beyond, g * at_least(0.0, growth)) * (inverse_p * inverse_p);
         Resisted { force, rate: add_scaled::<A>(-wear, p, &scaled(per_way, t)) }
     }
 

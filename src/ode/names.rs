@@ -64,7 +64,7 @@ named! {
 named! {
     /// How the error of a step is measured, as `solver.norm` names it.
     NormName, "the name of a norm" {
-        /// Positions over the radius, velocities over a velocity scale.
+        /// Positions over sqrt(r/kappa), velocities over a velocity scale.
         Scaled = "scaled",
         /// As scaled, and of the errors of all rows their contraharmonic mean.
         Mean = "mean",

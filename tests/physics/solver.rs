@@ -2,7 +2,7 @@
 //! changes nothing, nothing flies through anything, directions are alike, and what cannot be computed is an
 //! error.
 
-use crate::common::{Case, Run, run, run_law, run_unturnable};
+use crate::common::{Case, Run, Snapshot, run, run_law, run_unturnable};
 use demhybrid::error::Error;
 use demhybrid::math::vector::Vec3;
 use demhybrid::model::contact::{Coulomb, Dissipative, Elastic, Frictionless, Turning};
@@ -387,15 +387,19 @@ fn largest_rise(hardness: f64, restitution: f64, pair: bool) -> f64 {
         } else {
             case.heavy().floor().sphere(Vec3::new(0.0, 0.0, R + height), Vec3::zeros())
         };
-        let frames = case.run().frames;
-        let most = frames.iter().map(|frame| frame.kinetic_energy).fold(0.0, f64::max);
-        let rises = frames.iter().scan(f64::INFINITY, |least, frame| {
-            *least = least.min(frame.energy());
-            Some(frame.energy() - *least)
-        });
-        rises.fold(0.0, f64::max) / most
+        rise_of(&case.run().frames)
     };
     (0..15).map(rise).fold(0.0, f64::max)
+}
+
+/// The largest rise of energy from one frame to a later one, over the largest kinetic energy.
+fn rise_of(frames: &[Snapshot]) -> f64 {
+    let most = frames.iter().map(|frame| frame.kinetic_energy).fold(0.0, f64::max);
+    let rises = frames.iter().scan(f64::INFINITY, |least, frame| {
+        *least = least.min(frame.energy());
+        Some(frame.energy() - *least)
+    });
+    rises.fold(0.0, f64::max) / most
 }
 
 #[test]
@@ -408,5 +412,53 @@ fn an_impact_is_never_within_one_step_however_hard_the_contact() {
                 assert!(rise < 0.01, "kappa r = {hardness}, e = {restitution}, pair {pair}: {rise}");
             }
         }
+    }
+}
+
+#[test]
+fn a_sphere_that_rests_on_a_hard_floor_is_not_thrown() {
+    // At rest, contacts of e = 0 ring, and steps are at the edge of stability. Where 1/kappa is 1e-5 r, an
+    // error that is small beside the radius is a contact with 1e6 times the force.
+    for drop in 0..15 {
+        let height = 0.05 * 20f64.powf(f64::from(2 * drop + 1) / 29.0);
+        let case = Case::defaults()
+            .set("t_end", 1.5)
+            .set("output.interval", 0.015)
+            .set("contact.stiffness_exponent", 1e5 / R)
+            .set("contact.restitution", 0.0)
+            .set("contact.interaction_distance", 30.0 * R / 1e5)
+            .rough(true)
+            .heavy()
+            .floor()
+            .sphere(Vec3::new(0.0, 0.0, R + height), 0.3 * Vec3::x());
+        let rise = rise_of(&case.run().frames);
+        println!("drop {drop}: {rise:.1e}");
+        assert!(rise < 1e-4, "drop {drop}: {rise}");
+    }
+}
+
+#[test]
+fn an_elastic_pair_that_rubs_with_memory_gains_nothing() {
+    // The step into this impact leaves the memory at twice its limit.
+    for run in 0..10 {
+        let height = 0.05 * 20f64.powf(f64::from(run) / 9.0);
+        let speed = (2.0 * 9.81 * height).sqrt();
+        let case = Case::defaults()
+            .set("t_end", 1.0)
+            .set("output.interval", 0.01)
+            .set("contact.stiffness_exponent", 150.0 / R)
+            .set("contact.restitution", 1.0)
+            .set("contact.interaction_distance", 0.02)
+            .set("friction.law", "history")
+            .set("friction.coefficient", 0.345)
+            .spinning_sphere(Vec3::zeros(), 0.5 * speed * Vec3::x(), Vec3::new(3.0, 1.0, -2.0))
+            .spinning_sphere(
+                Vec3::new(0.2 + 0.3 * speed, 0.09, 0.05),
+                -0.5 * speed * Vec3::x(),
+                Vec3::new(0.0, 5.0, 2.0),
+            );
+        let rise = rise_of(&case.run().frames);
+        println!("pair {run}: {rise:.1e}");
+        assert!(rise < 1e-3, "pair {run}: {rise}");
     }
 }

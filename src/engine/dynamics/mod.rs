@@ -286,8 +286,10 @@ impl<'c> Dynamics<'c> {
     /// Weights of the positions of the owned particles in the norm, over those of typical ones; empty where all
     /// are alike.
     pub fn position_weights(&self) -> Vec<f64> {
-        let r = self.law().r;
-        let weight = |i: usize| r * self.size(i).per_r;
+        let LawParameters { r, kappa, .. } = self.law();
+        // As for a typical particle, see `simulation::physics`.
+        let way = |r: f64| (r / kappa).sqrt().min(r);
+        let weight = |i: usize| way(r) / way(self.size(i).r);
         if self.columns().sized() { (0..self.domain.owned).map(weight).collect() } else { Vec::new() }
     }
 

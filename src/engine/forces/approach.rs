@@ -21,6 +21,7 @@ use super::{Forces, sizes_of};
 use crate::engine::kernel::{Closing, for_closing_pairs};
 use crate::engine::neighbors::Block;
 use crate::math::larger;
+use crate::math::vector::Vec3;
 use crate::model::columns::{position, velocity};
 use crate::model::contact::LawParameters;
 use crate::model::size::Size;
@@ -83,6 +84,35 @@ impl Approach {
     }
 }
 
+/// No approach among some bodies is faster, m/s.
+struct Fastest {
+    /// To a wall.
+    wall: f64,
+    /// Of a pair.
+    pair: f64,
+}
+
+impl Fastest {
+    /// The bounds for bodies with these velocities, m/s; infinite where one is NaN.
+    ///
+    /// A pair is not faster than twice the largest speed, and not faster than the diagonal of the box that
+    /// holds all velocities: spheres that fall side by side do not approach each other.
+    fn of(velocities: impl Iterator<Item = Vec3>) -> Self {
+        let (mut square, mut high, mut low) = (0.0, [f64::NEG_INFINITY; 3], [f64::NEG_INFINITY; 3]);
+        for v in velocities {
+            square = larger(square, v.norm_squared());
+            for k in 0..3 {
+                (high[k], low[k]) = (larger(high[k], v[k]), larger(low[k], -v[k]));
+            }
+        }
+        // The margin is more than rounding.
+        let margin = 1.0 + 1e-9;
+        let diagonal = Vec3::from_fn(|k, _| high[k] + low[k]).norm();
+        let wall = margin * square.sqrt();
+        Fastest { wall, pair: (2.0 * wall).min(margin * diagonal) }
+    }
+}
+
 impl Forces {
     /// The largest v/(max(0, l - l_c) + 0.6/kappa) of all contacts of the current bodies, 1/s, or 0 if it is
     /// not more than `least`. Contacts count up to a gap of `l_max` (m) and the share `travel` of both radii,
@@ -100,28 +130,26 @@ impl Forces {
             let mut approach = Approach { law, gravity, most: least };
             let (block, BlockBodies { bodies, sizes, batch, .. }) = (&blocks[0], &mut block_bodies[0]);
             let sizes = sizes_of(sizes, &**kernel, parameters);
-            let squares = bodies.chunks_exact(width).map(|body| velocity(body).norm_squared());
-            let fastest = squares.fold(0.0, larger).sqrt();
-            // No approach is faster than the sum of two speeds. The margin is more than rounding.
-            if 2.0 * fastest * (1.0 + 1e-9) <= approach.slow() {
-                return least;
-            }
+            let fastest = Fastest::of(bodies.chunks_exact(width).map(velocity));
             let body = |slot: u32| &bodies[slot as usize * width..];
             let within = |surfaces: f64| [surfaces, l_max + travel * surfaces];
-            let reach = if alike { within(2.0 * law.r).iter().sum() } else { f64::INFINITY };
-            let slow = approach.slow();
-            let closing = Closing { bodies, width, pairs: &block.pairs, batch, slow, reach };
-            for_closing_pairs(*set, closing, &mut |[i, j]| {
-                let (a, b) = (body(i), body(j));
-                let apart = position(a) - position(b);
-                let closing = -apart.dot(&(velocity(a) - velocity(b)));
-                let [i, j] = [i, j].map(|slot| sizes.of(slot as usize));
-                // m_i m_j/(m_i + m_j)
-                let m_e = i.mass * (j.mass / (i.mass + j.mass));
-                approach.take(closing, apart.norm_squared(), within(i.r + j.r), m_e);
-                approach.slow()
-            });
-            for &[i, wall] in &block.walls {
+            if fastest.pair > approach.slow() {
+                let reach = if alike { within(2.0 * law.r).iter().sum() } else { f64::INFINITY };
+                let slow = approach.slow();
+                let closing = Closing { bodies, width, pairs: &block.pairs, batch, slow, reach };
+                for_closing_pairs(*set, closing, &mut |[i, j]| {
+                    let (a, b) = (body(i), body(j));
+                    let apart = position(a) - position(b);
+                    let closing = -apart.dot(&(velocity(a) - velocity(b)));
+                    let [i, j] = [i, j].map(|slot| sizes.of(slot as usize));
+                    // m_i m_j/(m_i + m_j)
+                    let m_e = i.mass * (j.mass / (i.mass + j.mass));
+                    approach.take(closing, apart.norm_squared(), within(i.r + j.r), m_e);
+                    approach.slow()
+                });
+            }
+            let walls = if fastest.wall > approach.slow() { &block.walls[..] } else { &[] };
+            for &[i, wall] in walls {
                 let Size { r, mass, .. } = sizes.of(i as usize);
                 let (body, wall) = (body(i), &parameters.walls[wall as usize]);
                 let (depth, speed) = (wall.depth(&position(body)), wall.normal.dot(&velocity(body)));
@@ -188,6 +216,26 @@ mod tests {
         let resting = falling(1e-9, 0.01, 0.0, 9.81);
         assert!((resting / (4.0 * rate(1e-9, 0.01, 0.0)) - 1.0).abs() < 1e-9, "{resting}");
         assert_eq!(falling(0.05, 1e-4, 0.0, 9.81), rate(0.05, 1e-4, 0.0));
+    }
+
+    #[test]
+    fn no_pair_is_faster_than_what_all_velocities_allow() {
+        let velocities = [[0.1, 0.0, -4.0], [0.0, 0.2, -4.5], [-0.1, 0.0, -4.2]].map(Vec3::from);
+        let Fastest { wall, pair } = Fastest::of(velocities.into_iter());
+        // Side by side: the box of velocities is 0.2, 0.2 and 0.5 m/s wide.
+        assert!(
+            (pair - 0.33f64.sqrt()).abs() < 1e-6 && (wall - 20.29f64.sqrt()).abs() < 1e-6,
+            "{pair} {wall}"
+        );
+        // Against each other: twice the speed.
+        let all = [[1.0, 1.0, 1.0], [-1.0, -1.0, -1.0], [1.0, -1.0, 1.0]].map(Vec3::from);
+        assert!((Fastest::of(all.into_iter()).pair - 2.0 * 3f64.sqrt()).abs() < 1e-6);
+        for k in 0..3 {
+            let mut wrong = velocities;
+            wrong[k].y = f64::NAN;
+            let found = Fastest::of(wrong.into_iter());
+            assert!(found.wall == f64::INFINITY && found.pair == f64::INFINITY);
+        }
     }
 
     #[test]

@@ -47,12 +47,16 @@ pub(super) fn error_control(
 ) -> (Norm, StepControl) {
     let (solver, r) = (&scene.solver, scene.particles.radius);
     let paper = solver.norm == NormName::Paper;
-    // Positions over the radius, velocities and spins over the scale. The published norm is that of angular
+    let law = effects::law(scene);
+    // A contact that carries the typical force m v^2/r, with the velocity scale v, has the stiffness kappa m
+    // v^2/r. So a position that is wrong by sqrt(r/kappa) is worth as much energy there as a velocity that is
+    // wrong by v. Against the radius, an error of many 1/kappa would count as none.
+    let way = (r / law.kappa).sqrt().min(r);
+    // Positions over that way, velocities and spins over the scale. The published norm is that of angular
     // velocities: spins over the radius.
-    let [x, v, s] = if paper { [1.0, 1.0, 1.0 / r] } else { [1.0 / r, 1.0 / scale, 1.0 / scale] };
+    let [x, v, s] = if paper { [1.0, 1.0, 1.0 / r] } else { [1.0 / way, 1.0 / scale, 1.0 / scale] };
     let weights = [x, x, x, v, v, v, s, s, s];
     let mut weights = vec![weights[..columns.width(Changes::EveryStage)].to_vec()];
-    let law = effects::law(scene);
     if let Some(memory) = law.memory {
         // The memory of a contact with the typical force m v^2/r is compared with its limit. In the published
         // norm the shear counts as a length.
