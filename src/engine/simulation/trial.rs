@@ -1,6 +1,7 @@
 //! Trial steps: their size, their outcome, and frames inside of them.
 
 use super::Simulation;
+use super::physics::position_weights;
 use crate::error::Error;
 use crate::ode::controller::GROWTH;
 use crate::ode::{Dissipation, Ivp, Limit, TrialOutcome};
