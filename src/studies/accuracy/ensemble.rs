@@ -75,11 +75,12 @@ fn bed(job: &Job, until: f64) -> Sample {
     if sample.failure.is_some() {
         return sample;
     }
-    let r = scene.particles.radius;
-    let (region, _) = RegionRequest::Bed.of(&scene, &end.x);
-    let volumes = Spheres::new(&end.x, r).volumes(&region);
+    let state = end.state(0);
+    let sizes = state.sizes(&scene);
+    let (region, _) = RegionRequest::Bed.of(&scene, &end.x, sizes);
+    let volumes = Spheres::sized(&end.x, sizes).volumes(&region);
     let fraction = volumes.union / volumes.region;
-    let contacts = Contacts::of(&scene, &end.state(0), SHARE).pushing;
+    let contacts = Contacts::of(&scene, &state, SHARE).pushing;
     let coordination = mean_coordination(end.x.len(), &contacts);
     let numbers = vec![fraction, end.bed_height, coordination, overlap];
     Sample { numbers, ..sample }

@@ -159,7 +159,7 @@ struct Held {
 /// Each frame gives its time and then the first `OVER_TIME` measures.
 fn numbers(scene: &Scene, plan: &Plan, held: &[Held]) -> Vec<f64> {
     let Some(last) = held.last() else { return Vec::new() };
-    let (region, _) = plan.region.of(scene, &centres(&last.state));
+    let (region, _) = plan.region.of(scene, &centres(&last.state), last.state.sizes(scene));
     let mut numbers = Vec::with_capacity(held.len() * (1 + OVER_TIME));
     for held in held {
         let at = AtFrame {
