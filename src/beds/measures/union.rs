@@ -8,7 +8,7 @@
 //! If no two cuts meet inside the ball, it only loses spherical caps. Otherwise the areas of its horizontal
 //! sections are integrated by Gauss's rule, between the heights at which their shape changes. These areas are
 //! exact, see [`super::flat`]. A large sphere among small ones loses very many caps, few of which meet; see
-//! [`super::bites`].
+//! `bites.rs`.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
