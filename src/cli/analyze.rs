@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::RegionArgs;
 use crate::beds::folder::{prepare, stem};
+use crate::beds::measures::classes::{Classes, MOST};
 use crate::beds::measures::contacts::SHARE;
 use crate::beds::measures::row::{Row, centres};
 use crate::beds::report::{Measured, write};
@@ -39,6 +40,15 @@ pub struct AnalyzeArgs {
     #[arg(allow_negative_numbers = true)]
     pub share: f64,
 
+    /// Number of classes of size by which spheres are measured, where their sizes differ [default: the
+    /// species; without any, or with more than 20, each radius, or 3 classes where there are more than 4
+    /// radii]
+    ///
+    /// Classes hold about equally many spheres. Where there are no more radii than classes, each radius is
+    /// one.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=MOST as i64))]
+    pub classes: Option<u8>,
+
     #[command(flatten)]
     #[allow(missing_docs, reason = "its doc would take the place of the help of the command")]
     pub region: RegionArgs,
@@ -53,9 +63,17 @@ pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
     let run_file = RunFile::open(&args.run)?;
     let frames = run_file.numbers(args.frame)?;
     let last = run_file.state(frames[frames.len() - 1])?;
-    let (region, words) = args.region.region().of(&run_file.scene, &centres(&last));
+    let (region, words) = {
+        let sizes = last.sizes(&run_file.scene);
+        args.region.region().of(&run_file.scene, &centres(&last), sizes)
+    };
     if region.is_empty() {
         return Err(run_file.unreadable(&format!("nothing of {words} is inside the walls")));
+    }
+    let asked = args.classes.map(usize::from);
+    let classes = Classes::of(&last.sizes, run_file.species.as_ref(), asked);
+    if asked.is_some() && classes.is_none() {
+        return Err(run_file.unreadable("--classes: all spheres have one size; without --classes would do"));
     }
     let folder = args.output.clone().unwrap_or_else(|| format!("{}-analysis", stem(&args.run)).into());
     let _lock = prepare(&folder, args.force)?;
@@ -64,7 +82,7 @@ pub fn run(args: &AnalyzeArgs) -> Result<(), Error> {
     for &k in &frames[..frames.len() - 1] {
         rows.push(Row::of(&run_file.scene, &run_file.state(k)?, &region, args.share));
     }
-    let measured = Measured::of(&run_file, &last, &region, words, args.share, rows)?;
+    let measured = Measured::of(&run_file, &last, (&region, words), args.share, classes.as_ref(), rows)?;
     let written = write(&folder, &stem(&args.run), &run_file, &measured, &last)?;
     let kept = format!("; the files in {} are complete", folder.display());
     stdout::print(&table(&run_file, &measured, &folder, written), &kept)
@@ -116,6 +134,8 @@ whatever the gap: the
 normal force at the positions and velocities of the frame counts. \
 Without gravity the mean push takes the place of the weight.
 What overlaps is counted beside it. Forces on walls are of all spheres within the interaction distance.
+Where sizes differ, the weight is that of the lighter partner, and classes of spheres are measured apart: the
+species, or classes of size.
 Rattlers have too few contacts to be held: fewer than 4, less 1 with gravity, less 1 with friction, \
 walls counted and other
 rattlers not.";

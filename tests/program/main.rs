@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod analyze;
+mod analyze_sizes;
 #[cfg(feature = "long-tests")]
 mod browser;
 #[cfg(feature = "long-tests")]

@@ -116,7 +116,7 @@ impl FrameData<'_> {
 
     /// All that the walls enclose, up to the bed height where they leave the top open.
     fn region(&self) -> Region {
-        RegionRequest::Whole.of(self.scene, &self.centres()).0
+        RegionRequest::Whole.of(self.scene, &self.centres(), self.state.sizes(self.scene)).0
     }
 
     /// A box that contains all centres, as its lower and upper corner, m.

@@ -14,36 +14,44 @@ use crate::math::vector::Vec3;
 /// have the same position relative to the columns. For a single sphere it is 3e-5 of its volume (root mean
 /// square), and 1e-4 at most.
 pub fn union_volume_fraction(x: &[Vec3], r: f64, low: Vec3, high: Vec3) -> f64 {
-    let mut inside: Vec<Vec3> =
-        x.iter().filter(|x| (0..3).all(|k| x[k] + r > low[k] && x[k] - r < high[k])).copied().collect();
+    union_of_sized(&x.iter().map(|x| (*x, r)).collect::<Vec<_>>(), low, high)
+}
+
+/// The same for spheres with these centres (m) and radii (m). The smallest radius decides how wide columns
+/// are.
+pub fn union_of_sized(spheres: &[(Vec3, f64)], low: Vec3, high: Vec3) -> f64 {
+    let is_inside = |(x, r): &(Vec3, f64)| (0..3).all(|k| x[k] + r > low[k] && x[k] - r < high[k]);
+    let mut inside: Vec<(Vec3, f64)> = spheres.iter().copied().filter(is_inside).collect();
     // Sort by height, so that the intervals of a column arrive almost in order. The sorted order does not
     // depend on the order in `x`, so the sum is always the same to the last bit.
-    inside.sort_unstable_by(|a, b| {
+    inside.sort_unstable_by(|(a, _), (b, _)| {
         [2, 0, 1].map(|k| a[k]).partial_cmp(&[2, 0, 1].map(|k| b[k])).expect("no NaN is inside the box")
     });
-    let width = r * (inside.len() as f64 * 1e-7).sqrt().clamp(1.0 / 80.0, 1.0 / 5.0);
+    let least = inside.iter().map(|(_, r)| *r).fold(f64::MAX, f64::min);
+    let width = least * (inside.len() as f64 * 1e-7).sqrt().clamp(1.0 / 80.0, 1.0 / 5.0);
     let rows = Lines::new(low.x, high.x, width);
     let columns = Lines::new(low.y, high.y, width);
 
     let mut spheres_of_row = vec![Vec::new(); rows.count];
-    for x in &inside {
-        for row in rows.within(x.x, r) {
-            spheres_of_row[row].push(x);
+    for sphere in &inside {
+        for row in rows.within(sphere.0.x, sphere.1) {
+            spheres_of_row[row].push(sphere);
         }
     }
     let mut covered = 0.0;
     let mut intervals = vec![Vec::new(); columns.count];
     for (row, spheres) in spheres_of_row.iter().enumerate() {
-        let half_chord2 = |x: &Vec3| (r * r - (rows.middle(row) - x.x).powi(2)).max(0.0);
-        for x in spheres {
-            for column in columns.within(x.y, half_chord2(x).sqrt()) {
-                let half = (half_chord2(x) - (columns.middle(column) - x.y).powi(2)).max(0.0).sqrt();
+        let half_chord2 = |(x, r): &(Vec3, f64)| (r * r - (rows.middle(row) - x.x).powi(2)).max(0.0);
+        for sphere in spheres {
+            let x = &sphere.0;
+            for column in columns.within(x.y, half_chord2(sphere).sqrt()) {
+                let half = (half_chord2(sphere) - (columns.middle(column) - x.y).powi(2)).max(0.0).sqrt();
                 intervals[column].push([(x.z - half).max(low.z), (x.z + half).min(high.z)]);
             }
         }
         // Visit only the columns that spheres cover. The first sphere of a column takes all of its intervals.
-        for x in spheres {
-            for column in columns.within(x.y, half_chord2(x).sqrt()) {
+        for sphere in spheres {
+            for column in columns.within(sphere.0.y, half_chord2(sphere).sqrt()) {
                 covered += union_length(&mut intervals[column]);
             }
         }

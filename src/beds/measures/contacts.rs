@@ -3,11 +3,13 @@
 use serde::Serialize;
 
 use super::reference_force::Reference;
-use super::union::for_each_pair;
+use super::union::for_each_within;
+use crate::engine::neighbors::Reach;
 use crate::files::run_file::State;
 use crate::math::elementary::Separate;
 use crate::math::vector::Vec3;
 use crate::model::contact::{Dissipative, Frictionless, Law, Rebound};
+use crate::model::size::Sizes;
 use crate::model::wall::Wall;
 use crate::scene::walls::{wall_names, walls};
 use crate::scene::{Scene, effects};
@@ -100,7 +102,8 @@ pub struct Contacts {
     pub overlapping: Vec<Contact>,
     /// The force that pushes are compared with.
     pub reference: Reference,
-    /// A contact pushes with more than this, N: the share of the reference force.
+    /// A contact pushes with more than this, N: the share of the reference force. Where every pair has a
+    /// reference of its own, it is the share of the mean one.
     pub threshold: f64,
     /// What every wall bears, in the order of [`walls`].
     pub walls: Vec<WallForce>,
@@ -110,7 +113,7 @@ impl Contacts {
     /// The contacts of `state`: what pushes with more than `share` of the reference force.
     pub fn of(scene: &Scene, state: &State, share: f64) -> Self {
         let bodies = Bodies::of(scene, state);
-        let least = Reference::least(scene).newtons();
+        let least = Reference::least(scene, state).smallest();
         // Beyond this gap nobody pushes hard enough to be a contact or to count in the mean.
         let reach = bodies.reach(share.min(SHARE) * least);
         let (mut found, borders) = (bodies.pairs(reach), bodies.borders());
@@ -121,10 +124,12 @@ impl Contacts {
         }
         found.extend(borders);
 
-        let reference = Reference::of(scene, found.iter().map(|contact| contact.force));
+        let reference = Reference::of(scene, state, found.iter().map(|contact| contact.force));
         let threshold = share * reference.newtons();
         let overlapping = found.iter().copied().filter(|contact| contact.overlap >= 0.0).collect();
-        found.retain(|contact| contact.force > threshold);
+        let sizes = state.sizes(scene);
+        let least = |contact: &Contact| share * reference.between(scene, sizes, contact.i, contact.partner);
+        found.retain(|contact| contact.force > least(contact));
         for k in found.iter().filter_map(|contact| contact.partner.wall()) {
             walls[k].contacts += 1;
         }
@@ -138,16 +143,18 @@ pub fn between_spheres(contacts: &[Contact]) -> impl Iterator<Item = &Contact> {
 }
 
 /// The spheres of a state with the law of their normal forces.
-struct Bodies {
+struct Bodies<'a> {
+    sizes: Sizes<'a>,
     x: Vec<Vec3>,
     v: Vec<Vec3>,
     walls: Vec<Wall>,
     law: Law<Dissipative, Frictionless>,
 }
 
-impl Bodies {
-    fn of(scene: &Scene, state: &State) -> Self {
+impl<'a> Bodies<'a> {
+    fn of(scene: &Scene, state: &'a State) -> Self {
         Bodies {
+            sizes: state.sizes(scene),
             x: state.x.iter().map(|&x| x.into()).collect(),
             v: state.v.iter().map(|&v| v.into()).collect(),
             walls: walls(&scene.container),
@@ -169,15 +176,19 @@ impl Bodies {
 
     /// All pairs of spheres with gaps up to `reach` (m), by ascending ids.
     fn pairs(&self, reach: f64) -> Vec<Contact> {
-        let (x, v, r) = (&self.x, &self.v, self.law.parameters.r);
+        let (x, v, sizes) = (&self.x, &self.v, self.sizes);
+        let within = match sizes {
+            Sizes::Equal(size) => Reach::of_centres(2.0 * size.r + reach, 0.0),
+            Sizes::Each(_) => Reach { sizes, shares: [1.0; 2], gaps: [reach; 2] },
+        };
         let mut pairs = Vec::new();
-        for_each_pair(x, 2.0 * r + reach, |[i, j]| pairs.push([i.min(j), i.max(j)]));
+        for_each_within(x, within, |[i, j]| pairs.push([i.min(j), i.max(j)]));
         pairs.sort_unstable();
         let contact = |[i, j]: [usize; 2]| {
             let apart = x[i] - x[j];
             let d = apart.norm();
             let opening = if d > 0.0 { apart.dot(&(v[i] - v[j])) / d } else { 0.0 };
-            self.contact(i, Partner::Sphere(j), d - 2.0 * r, opening)
+            self.contact(i, Partner::Sphere(j), d - (sizes.of(i).r + sizes.of(j).r), opening)
         };
         pairs.into_iter().map(contact).collect()
     }
@@ -187,7 +198,7 @@ impl Bodies {
         let mut found = Vec::new();
         for (k, wall) in self.walls.iter().enumerate() {
             for (i, (x, v)) in self.x.iter().zip(&self.v).enumerate() {
-                let gap = wall.depth(x) - self.law.parameters.r;
+                let gap = wall.depth(x) - self.sizes.of(i).r;
                 if gap <= self.law.parameters.l_max {
                     found.push(self.contact(i, Partner::Wall(k), gap, -wall.normal.dot(v)));
                 }
@@ -201,13 +212,9 @@ impl Bodies {
 mod tests {
     use super::*;
     use crate::beds::measures::rattlers::coordination;
-    use crate::beds::measures::testing::scene;
+    use crate::beds::measures::testing::{at_rest, scene, sized};
 
     const GRAVITY: &str = "gravity = [0, 0, -9.81]";
-
-    fn at_rest(x: Vec<[f64; 3]>) -> State {
-        State { frame: 0, time: 0.0, v: vec![[0.0; 3]; x.len()], x, omega: None, sizes: Default::default() }
-    }
 
     /// Two spheres with this gap (m) along x, at rest.
     fn two(gap: f64) -> State {
@@ -335,6 +342,32 @@ mod tests {
                 |k| found.pushing.iter().filter(|contact| contact.partner == Partner::Wall(k)).count();
             assert!(found.walls.iter().enumerate().all(|(k, wall)| listed(k) == wall.contacts));
         }
+    }
+
+    #[test]
+    fn unequal_spheres_push_across_the_gap_of_their_own_surfaces() {
+        let mut scene = scene(GRAVITY);
+        scene.container.wall.push(crate::scene::WallPlane { point: [0.0; 3], normal: [0.0, 0.0, -1.0] });
+        // A large sphere of 8 kg on the floor, and a small one of 1 g on top of it, both across 1 mm.
+        let bed = |gap: f64| {
+            let top = 0.401 + 0.01 + gap;
+            sized(&[([0.0, 0.0, 0.201], 0.2, 8.0), ([0.0, 0.0, top], 0.01, 1e-3)])
+        };
+        let found = Contacts::of(&scene, &bed(1e-3), SHARE);
+        let push = 5.8 * (-0.15f64).exp();
+        assert_eq!(found.pushing[0].partner, Partner::Sphere(1));
+        assert!((found.pushing[0].overlap + 1e-3).abs() < 1e-12);
+        assert!((found.pushing[0].force - push).abs() < 1e-9, "{:?}", found.pushing);
+        // On the floor the large sphere pushes with less than a tenth of its own weight. On the small one
+        // this is far more than a tenth of the weight that matters there.
+        assert_eq!((found.pushing.len(), found.overlapping.len()), (1, 0));
+        assert!((found.walls[0].normal_force - push).abs() < 1e-9);
+        let half = Contacts::of(&scene, &bed(1e-3), 0.05);
+        assert_eq!((half.pushing.len(), half.walls[0].contacts), (2, 1));
+        // rho(0) F_0 exp(-kappa l) = 0.1 m g with the mass of the small one.
+        let gap = (5.8f64 / (0.1 * 9.81e-3)).ln() / 150.0;
+        let count = |gap| Contacts::of(&scene, &bed(gap), SHARE).pushing.len();
+        assert_eq!((count(gap - 1e-9), count(gap + 1e-9)), (1, 0));
     }
 
     #[test]

@@ -1,9 +1,13 @@
 //! Measures of a packed bed. The count of the paper is here; the exact volume is in [`union`].
 
+mod bites;
+pub mod by_class;
+pub mod classes;
 #[cfg(test)]
 pub mod columns;
 pub mod contacts;
 pub mod flat;
+pub mod layers;
 pub mod profiles;
 mod quadrature;
 pub mod radial;
@@ -12,6 +16,7 @@ pub mod reference_force;
 pub mod region;
 pub mod request;
 pub mod row;
+pub mod size_distribution;
 #[cfg(test)]
 pub mod testing;
 #[cfg(test)]
@@ -40,16 +45,22 @@ const CELLS: usize = 100;
 /// assert_eq!(paper_volume_fraction(&[Vec3::repeat(0.5); 2], 0.5), 2.0 * one);
 /// ```
 pub fn paper_volume_fraction(x: &[Vec3], r: f64) -> f64 {
+    paper_count(x, |_| r)
+}
+
+/// The same for spheres of which number `k` has the radius `r(k)`, m.
+pub fn paper_count(x: &[Vec3], r: impl Fn(usize) -> f64) -> f64 {
     let centre = |k: usize| (k as f64 + 0.5) / CELLS as f64;
-    let cells = |c: f64| {
+    let cells = |c: f64, r: f64| {
         let index = |x: f64| (x * CELLS as f64).floor().clamp(0.0, CELLS as f64) as usize;
         index(c - r)..(index(c + r) + 1).min(CELLS)
     };
     let mut hits = 0u64;
-    for x in x {
-        for i in cells(x.x) {
-            for j in cells(x.y) {
-                for k in cells(x.z) {
+    for (number, x) in x.iter().enumerate() {
+        let r = r(number);
+        for i in cells(x.x, r) {
+            for j in cells(x.y, r) {
+                for k in cells(x.z, r) {
                     let apart = Vec3::new(centre(i), centre(j), centre(k)) - x;
                     hits += u64::from(apart.norm_squared() <= r * r);
                 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::beds::measures::request::RegionRequest;
+use crate::beds::measures::testing::alike;
 use crate::math::vector::Vec3;
 use std::f64::consts::{PI, TAU};
 
@@ -26,7 +27,8 @@ fn profiles_of_a_cubic_lattice_are_those_of_its_circles() {
     let scene = Scene::parse("bed.toml", text, &[]).unwrap();
     let x = cubic();
     let spheres = Spheres::new(&x, R);
-    let region = RegionRequest::Box { low: Vec3::zeros(), high: Vec3::repeat(1.0) }.of(&scene, &x).0;
+    let region =
+        RegionRequest::Box { low: Vec3::zeros(), high: Vec3::repeat(1.0) }.of(&scene, &x, alike(&scene)).0;
     let exact = |at: f64| {
         let from_centre = at % 0.1 - R;
         1.0 - PI * (R * R - from_centre * from_centre) / 0.01
@@ -75,7 +77,7 @@ fn a_tube_of_many_planes_has_one_profile_over_the_distance_to_the_nearest() {
     // circles; a sphere at a wall is within its own sector.
     let scene = tube(24);
     let x = [Vec3::new(0.8, 0.0, 0.5)];
-    let region = RegionRequest::Whole.of(&scene, &x).0;
+    let region = RegionRequest::Whole.of(&scene, &x, alike(&scene)).0;
     let (distances, walls) = over_wall_distance(&scene, &Spheres::new(&x, 0.2), &region);
     assert_eq!(walls.len(), 1);
     assert_eq!(walls[0].0, "nearest of 24 upright walls");
@@ -94,7 +96,7 @@ fn a_tube_of_many_planes_has_one_profile_over_the_distance_to_the_nearest() {
     }
     // A tube of six planes has a profile for each.
     let scene = tube(6);
-    let region = RegionRequest::Whole.of(&scene, &x).0;
+    let region = RegionRequest::Whole.of(&scene, &x, alike(&scene)).0;
     let (_, walls) = over_wall_distance(&scene, &Spheres::new(&x, 0.2), &region);
     let names: Vec<&str> = walls.iter().map(|(name, _)| &name[..]).collect();
     assert_eq!(names[..3], ["container.wall[0]", "container.wall[1]", "container.wall[2]"]);
@@ -117,7 +119,7 @@ fn heights_are_above_the_lowest_point_and_along_gravity() {
         [("[-9.81, 0, 0]", "[-2, 0, 0]", "[inf, 1, 1]"), ("[3, 0, 0]", "[-inf, 0, 0]", "[-1, 1, 1]")]
     {
         let scene = Scene::parse("x.toml", &text(gravity, min, max), &[]).unwrap();
-        let region = RegionRequest::Whole.of(&scene, &x).0;
+        let region = RegionRequest::Whole.of(&scene, &x, alike(&scene)).0;
         let profile = over_height(&Spheres::new(&x, 0.5), &region, 0.5);
         assert_eq!(profile.len(), 20);
         for [height, porosity] in profile {

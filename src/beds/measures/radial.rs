@@ -10,6 +10,7 @@
 //! polynomial goes through them. The error of g is below 1e-3.
 
 use super::union::for_each_pair;
+use crate::math::cells::Cells;
 use crate::math::polyhedron::{Half, Polyhedron};
 use crate::math::vector::Vec3;
 use rayon::prelude::*;
@@ -52,62 +53,126 @@ const NODES: usize = 8;
 /// assert!(g.iter().any(|[distance, value]| (*distance - 0.2).abs() < 0.01 && *value > 1.0));
 /// ```
 pub fn radial_distribution(x: &[Vec3], r: f64, room: &Polyhedron, axes: &[Vec3; 3]) -> Vec<[f64; 2]> {
-    let volume = room.volume();
-    let width = r / BINS_PER_RADIUS;
-    if volume <= 0.0 {
+    let inside = those_inside(x, room);
+    let Some(mut pairs) = Pairs::new(inside.len(), r, room, axes) else { return Vec::new() };
+    if inside.len() < 2 {
         return Vec::new();
     }
-    let tiny = 1e-12 * volume.cbrt();
+    for_each_pair(&inside, pairs.cutoff, |[i, j]| pairs.add(inside[i] - inside[j]));
+    // Each pair is two: that of one sphere with the other, and that of the other with it.
+    let n = inside.len() as f64;
+    pairs.distribution(2.0, n * (n - 1.0))
+}
+
+/// The same for pairs of a centre of `a` (m) with one of `b` (m): how frequent spheres of one class are
+/// around those of another one.
+///
+/// `r` (m) is the mean of the mean radii of both classes. Empty also if one of them has no centre in the
+/// room.
+pub fn cross_distribution(
+    a: &[Vec3],
+    b: &[Vec3],
+    r: f64,
+    room: &Polyhedron,
+    axes: &[Vec3; 3],
+) -> Vec<[f64; 2]> {
+    let [a, b] = [a, b].map(|x| those_inside(x, room));
+    let Some(mut pairs) = Pairs::new(a.len() + b.len(), r, room, axes) else { return Vec::new() };
+    let (few, many) = if a.len() < b.len() { (&a, &b) } else { (&b, &a) };
+    if few.is_empty() {
+        return Vec::new();
+    }
+    // Narrow cells, because most of what is in the wide ones around a place is too far from it.
+    let cells = Cells::new(many, 0.5 * pairs.cutoff);
+    for x in few {
+        cells.for_each_within(x, pairs.cutoff, |j| pairs.add(x - many[j as usize]));
+    }
+    pairs.distribution(1.0, a.len() as f64 * b.len() as f64)
+}
+
+/// The centres that are in the room.
+fn those_inside(x: &[Vec3], room: &Polyhedron) -> Vec<Vec3> {
+    let tiny = 1e-12 * room.volume().max(0.0).cbrt();
     let is_inside = |x: &&Vec3| room.faces.iter().all(|face| face.half.beyond(x) <= tiny);
-    let inside: Vec<Vec3> = x.iter().filter(is_inside).copied().collect();
-    // The correction is valid up to half the least width. Nothing happens beyond five diameters. With very
-    // many spheres, there are too many pairs up to that distance.
-    let most = if inside.len() > 100_000 { 6.0 * r } else { 10.0 * r };
-    let cutoff = (0.5 * least_width(room)).min(most);
-    // A whole number of bins may be a little less by rounding.
-    let bins = (cutoff / width + 1e-9).floor().max(0.0) as usize;
-    if inside.len() < 2 || bins == 0 {
-        return Vec::new();
+    x.iter().filter(is_inside).copied().collect()
+}
+
+/// Pairs of centres in a room, by set of directions and by bin.
+struct Pairs<'a> {
+    room: &'a Polyhedron,
+    axes: &'a [Vec3; 3],
+    /// Width of a bin, m.
+    width: f64,
+    bins: usize,
+    /// Pairs within this distance count, m.
+    cutoff: f64,
+    /// Number of pairs and sum of their vectors (m), for each set of directions and each bin.
+    found: Vec<(u32, Vec3)>,
+}
+
+impl<'a> Pairs<'a> {
+    /// No pairs yet, of this number of spheres with the radius `r` (m). `None` if the room has no place for a
+    /// bin.
+    fn new(spheres: usize, r: f64, room: &'a Polyhedron, axes: &'a [Vec3; 3]) -> Option<Self> {
+        let width = r / BINS_PER_RADIUS;
+        if room.volume() <= 0.0 {
+            return None;
+        }
+        // The correction is valid up to half the least width. Nothing happens beyond five diameters. With
+        // very many spheres, there are too many pairs up to that distance.
+        let most = if spheres > 100_000 { 6.0 * r } else { 10.0 * r };
+        let cutoff = (0.5 * least_width(room)).min(most);
+        // A whole number of bins may be a little less by rounding.
+        let bins = (cutoff / width + 1e-9).floor().max(0.0) as usize;
+        let found = vec![(0, Vec3::zeros()); SETS * bins];
+        (bins > 0).then_some(Pairs { room, axes, width, bins, cutoff, found })
     }
-    // Number of pairs and sum of their vectors, for each set of directions and each bin.
-    let mut pairs = vec![(0u32, Vec3::zeros()); SETS * bins];
-    for_each_pair(&inside, cutoff, |[i, j]| {
-        let apart = inside[i] - inside[j];
-        let bin = (apart.norm() / width) as usize;
-        if bin < bins {
-            let along = Vec3::from(axes.map(|axis| axis.dot(&apart)));
+
+    /// Counts a pair with the vector `apart` (m).
+    fn add(&mut self, apart: Vec3) {
+        let bin = (apart.norm() / self.width) as usize;
+        if bin < self.bins {
+            let along = Vec3::from(self.axes.map(|axis| axis.dot(&apart)));
             let (set, sign) = set_of(&along);
-            let (count, sum) = &mut pairs[set * bins + bin];
+            let (count, sum) = &mut self.found[set * self.bins + bin];
             *count += 1;
             *sum += along * sign;
         }
-    });
-    let halves: Vec<Half> = room.faces.iter().map(|face| face.half).collect();
-    let turned = |d: &Vec3| axes[0] * d.x + axes[1] * d.y + axes[2] * d.z;
-    let weights: Vec<Vec<f64>> = pairs
-        .par_chunks(bins)
-        .enumerate()
-        .map(|(set, pairs)| {
-            if pairs.iter().all(|(count, _)| *count == 0) {
-                return Vec::new();
-            }
-            let common = Common::along(room, &halves, &turned(&middle_of(set)), cutoff);
-            let weight = |(count, sum): &(u32, Vec3)| match count {
-                0 => 0.0,
-                _ => 2.0 * f64::from(*count) / common.volume(&turned(&(sum / f64::from(*count)))),
-            };
-            pairs.iter().map(weight).collect()
-        })
-        .collect();
-    let mut sums = vec![0.0; bins];
-    for weights in &weights {
-        sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight);
     }
-    // The density of pairs of independent centres.
-    let n = inside.len() as f64;
-    let density2 = n * (n - 1.0) / (volume * volume);
-    let shell = |k: usize| 4.0 / 3.0 * PI * width.powi(3) * (((k + 1) as f64).powi(3) - (k as f64).powi(3));
-    sums.iter().enumerate().map(|(k, sum)| [(k as f64 + 0.5) * width, sum / (density2 * shell(k))]).collect()
+
+    /// The distribution, where every pair counts this `often` and there are `all` pairs at any distance.
+    fn distribution(&self, often: f64, all: f64) -> Vec<[f64; 2]> {
+        let Pairs { room, axes, width, bins, cutoff, found } = self;
+        let (width, bins) = (*width, *bins);
+        let halves: Vec<Half> = room.faces.iter().map(|face| face.half).collect();
+        let turned = |d: &Vec3| axes[0] * d.x + axes[1] * d.y + axes[2] * d.z;
+        let weights: Vec<Vec<f64>> = found
+            .par_chunks(bins)
+            .enumerate()
+            .map(|(set, pairs)| {
+                if pairs.iter().all(|(count, _)| *count == 0) {
+                    return Vec::new();
+                }
+                let common = Common::along(room, &halves, &turned(&middle_of(set)), *cutoff);
+                let weight = |(count, sum): &(u32, Vec3)| match count {
+                    0 => 0.0,
+                    _ => often * f64::from(*count) / common.volume(&turned(&(sum / f64::from(*count)))),
+                };
+                pairs.iter().map(weight).collect()
+            })
+            .collect();
+        let mut sums = vec![0.0; bins];
+        for weights in &weights {
+            sums.iter_mut().zip(weights).for_each(|(sum, weight)| *sum += weight);
+        }
+        // The density of pairs of independent centres.
+        let volume = room.volume();
+        let density2 = all / (volume * volume);
+        let cube = |k: usize| (k as f64).powi(3);
+        let shell = |k: usize| 4.0 / 3.0 * PI * width.powi(3) * (cube(k + 1) - cube(k));
+        let at = |k: usize| (k as f64 + 0.5) * width;
+        sums.iter().enumerate().map(|(k, sum)| [at(k), sum / (density2 * shell(k))]).collect()
+    }
 }
 
 /// The least distance of a face from the opposite end of the polyhedron, m.
@@ -262,6 +327,46 @@ mod tests {
             let mean = far.iter().map(|[_, g]| g).sum::<f64>() / far.len() as f64;
             assert!((mean - 1.0).abs() < together, "{name}: {mean}");
         }
+    }
+
+    #[test]
+    fn classes_that_do_not_know_of_each_other_have_a_flat_cross_distribution() {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(14);
+        for (name, halves) in rooms() {
+            let room = Polyhedron::of(&halves);
+            let (low, high) = room.bounds();
+            let mut draw = |count: usize| {
+                let mut x = Vec::new();
+                while x.len() < count {
+                    let at = Vec3::from_fn(|k, _| random.random_range(low[k]..high[k]));
+                    if halves.iter().all(|half| half.beyond(&at) < 0.0) {
+                        x.push(at);
+                    }
+                }
+                x
+            };
+            let (a, b) = (draw(6000), draw(9000));
+            let r = 0.5 * least_width(&room) / 2.0;
+            let found = cross_distribution(&a, &b, r, &room, &AXES);
+            assert_eq!(found, cross_distribution(&b, &a, r, &room, &AXES), "{name}");
+            let far = &found[10..];
+            let mean = far.iter().map(|[_, g]| g).sum::<f64>() / far.len() as f64;
+            assert!((mean - 1.0).abs() < 0.015, "{name}: {mean}");
+        }
+        // Two cubic lattices, one in the middles of the other: 8 neighbours at sqrt(3)/2 of a cell.
+        let along = |k: usize, step: usize| (k / step % 10) as f64 * 0.1;
+        let at =
+            |k: usize, from: f64| Vec3::new(along(k, 1), along(k, 10), along(k, 100)) + Vec3::repeat(from);
+        let (a, b): (Vec<Vec3>, Vec<Vec3>) = (0..1000).map(|k| (at(k, 0.0), at(k, 0.05))).unzip();
+        let room = Polyhedron::cuboid(&Vec3::repeat(-0.025), &Vec3::repeat(0.975));
+        let found = cross_distribution(&a, &b, R, &room, &AXES);
+        let width = R / BINS_PER_RADIUS;
+        let k = found.iter().position(|[_, g]| *g > 0.0).unwrap();
+        assert!((found[k][0] - 0.05 * 3f64.sqrt()).abs() < width, "{:?}", found[k]);
+        let shell = 4.0 / 3.0 * PI * width.powi(3) * ((k as f64 + 1.0).powi(3) - (k as f64).powi(3));
+        let neighbours = found[k][1] * 1000.0 * shell;
+        assert!((neighbours / 8.0 - 1.0).abs() < 0.02, "{neighbours}");
+        assert!(cross_distribution(&a, &[], R, &room, &AXES).is_empty());
     }
 
     #[test]

@@ -1,7 +1,9 @@
 //! The force that pushes are compared with, to tell contacts from the faint repulsion of near surfaces.
 
-use super::contacts::SHARE;
+use super::contacts::{Partner, SHARE};
+use crate::files::run_file::State;
 use crate::math::vector::Vec3;
+use crate::model::size::Sizes;
 use crate::scene::Scene;
 
 /// Without gravity the reference force is never less than this share of F_0.
@@ -15,6 +17,15 @@ const LEAST_OF_F_0: f64 = 0.01;
 pub enum Reference {
     /// With gravity: the weight of a particle, N.
     Weight(f64),
+    /// With gravity, where particles have masses of their own: the weight of the lighter partner. At a wall
+    /// it is that of the particle. The weight of a heavy partner would not do: a light sphere that lies on it
+    /// pushes it with its own weight only.
+    Weights {
+        /// Weight of the lightest particle, N.
+        lightest: f64,
+        /// Mean weight, N.
+        mean: f64,
+    },
     /// Without gravity: the mean of all pushes that are more than a tenth of this mean, N.
     ///
     /// The mean of all repulsions would depend on how many faint ones the interaction distance lets in. This
@@ -23,16 +34,23 @@ pub enum Reference {
 }
 
 impl Reference {
-    /// The smallest force that the reference of any state of `scene` can be.
-    pub fn least(scene: &Scene) -> Self {
-        let weight = scene.particles.mass * Vec3::from(scene.gravity).norm();
-        match weight > 0.0 {
-            true => Reference::Weight(weight),
-            false => Reference::MeanPush(LEAST_OF_F_0 * scene.contact.repulsion_at_contact),
+    /// The smallest force that the reference of any state of `scene` can be, if its particles have the sizes
+    /// of `state`.
+    pub fn least(scene: &Scene, state: &State) -> Self {
+        let g = Vec3::from(scene.gravity).norm();
+        let weight = scene.particles.mass * g;
+        match (weight > 0.0, &state.sizes[..]) {
+            (true, []) => Reference::Weight(weight),
+            (true, sizes) => {
+                let masses = sizes.iter().map(|size| size.mass);
+                let lightest = g * masses.clone().fold(f64::INFINITY, f64::min);
+                Reference::Weights { lightest, mean: g * masses.sum::<f64>() / sizes.len() as f64 }
+            }
+            (false, _) => Reference::MeanPush(LEAST_OF_F_0 * scene.contact.repulsion_at_contact),
         }
     }
 
-    /// The reference of a state of `scene` with these `pushes` (N) between all bodies.
+    /// The reference of a `state` of `scene` with these `pushes` (N) between all bodies.
     ///
     /// # Examples
     ///
@@ -43,29 +61,53 @@ impl Reference {
     /// let text = std::fs::read_to_string("configs/quick.toml")?;
     /// let pushes = [4.0, 2.0, 0.2, 0.01, 0.01];
     /// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
-    /// assert_eq!(Reference::of(&scene, pushes), Reference::Weight(9.81));
+    /// # use demhybrid::files::run_file::State;
+    /// # let (x, v, omega, sizes) = (vec![], vec![], None, Default::default());
+    /// # let state = State { frame: 0, time: 0.0, x, v, omega, sizes };
+    /// assert_eq!(Reference::of(&scene, &state, pushes), Reference::Weight(9.81));
     /// let scene = Scene::parse("configs/quick.toml", &text, &["gravity=[0,0,0]".to_owned()])?;
-    /// assert_eq!(Reference::of(&scene, pushes), Reference::MeanPush(3.0)); // of 4 N and 2 N
+    /// assert_eq!(Reference::of(&scene, &state, pushes), Reference::MeanPush(3.0)); // of 4 N and 2 N
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn of(scene: &Scene, pushes: impl IntoIterator<Item = f64>) -> Self {
-        match Self::least(scene) {
+    pub fn of(scene: &Scene, state: &State, pushes: impl IntoIterator<Item = f64>) -> Self {
+        match Self::least(scene, state) {
             Reference::MeanPush(least) => Reference::MeanPush(mean_push(least, pushes.into_iter().collect())),
             weight => weight,
         }
     }
 
-    /// The force, N.
+    /// The force, N. Of weights it is the mean one.
     pub fn newtons(self) -> f64 {
         match self {
             Reference::Weight(force) | Reference::MeanPush(force) => force,
+            Reference::Weights { mean, .. } => mean,
         }
+    }
+
+    /// The smallest force that any contact is compared with, N.
+    pub fn smallest(self) -> f64 {
+        match self {
+            Reference::Weights { lightest, .. } => lightest,
+            same => same.newtons(),
+        }
+    }
+
+    /// The force that a push between sphere `i` and `partner` is compared with, N, if the spheres of `scene`
+    /// have these `sizes`.
+    pub fn between(self, scene: &Scene, sizes: Sizes, i: usize, partner: Partner) -> f64 {
+        let Reference::Weights { .. } = self else { return self.newtons() };
+        let mass = match partner {
+            Partner::Sphere(j) => sizes.of(i).mass.min(sizes.of(j).mass),
+            Partner::Wall(_) => sizes.of(i).mass,
+        };
+        mass * Vec3::from(scene.gravity).norm()
     }
 
     /// What the force is, in words.
     pub fn words(self) -> &'static str {
         match self {
             Reference::Weight(_) => "the weight of a particle",
+            Reference::Weights { .. } => "the weight of the lighter partner",
             Reference::MeanPush(_) => "the mean push",
         }
     }
@@ -91,13 +133,33 @@ fn mean_push(least: f64, mut pushes: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::beds::measures::testing::scene;
+    use crate::beds::measures::testing::{at_rest, scene, sized};
 
     #[test]
     fn the_reference_is_a_weight_wherever_there_is_gravity_in_any_direction() {
         let tilted = scene("gravity = [3, 0, -4]");
-        assert_eq!(Reference::of(&tilted, [100.0; 5]), Reference::Weight(5.0));
-        assert_eq!(Reference::least(&tilted), Reference::Weight(5.0));
+        let state = at_rest(vec![[0.0; 3]]);
+        assert_eq!(Reference::of(&tilted, &state, [100.0; 5]), Reference::Weight(5.0));
+        assert_eq!(Reference::least(&tilted, &state), Reference::Weight(5.0));
+    }
+
+    #[test]
+    fn the_lighter_partner_decides_and_at_a_wall_the_sphere_itself() {
+        let tilted = scene("gravity = [3, 0, -4]");
+        let state = sized(&[([0.0; 3], 0.1, 1.0), ([1.0, 0.0, 0.0], 0.2, 8.0), ([2.0, 0.0, 0.0], 0.2, 3.0)]);
+        let weights = Reference::of(&tilted, &state, [100.0; 5]);
+        assert_eq!(weights, Reference::Weights { lightest: 5.0, mean: 20.0 });
+        assert_eq!((weights.newtons(), weights.smallest()), (20.0, 5.0));
+        let between = |i, partner| weights.between(&tilted, state.sizes(&tilted), i, partner);
+        assert_eq!(between(0, Partner::Sphere(1)), 5.0);
+        assert_eq!(between(1, Partner::Sphere(2)), 15.0);
+        assert_eq!(between(1, Partner::Wall(0)), 40.0);
+        // Without gravity there are no weights.
+        let push = Reference::of(&scene(""), &state, [4.0, 2.0]);
+        assert_eq!(
+            (push, push.between(&tilted, state.sizes(&tilted), 1, Partner::Wall(0))),
+            (Reference::MeanPush(3.0), 3.0)
+        );
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::beds::measures::request::RegionRequest;
-use crate::beds::measures::testing::{boxed, scene, walled};
+use crate::beds::measures::testing::{alike, boxed, scene, walled};
 
 #[track_caller]
 fn near(found: f64, exact: f64) {
@@ -10,7 +10,7 @@ fn near(found: f64, exact: f64) {
 }
 
 fn whole(scene: &Scene, x: &[Vec3]) -> Region {
-    RegionRequest::Whole.of(scene, x).0
+    RegionRequest::Whole.of(scene, x, alike(scene)).0
 }
 
 /// Planes of a tube of 24 sides at the distance 0.5 m from the line through x = y = 0, with a floor.
@@ -79,14 +79,14 @@ fn a_tube_of_planes_is_no_box() {
     assert!(region.as_box().is_none() && region.sides().len() == 26);
     // Centres can be where they have their radius of 0.1 m to all walls, and to the highest point.
     near(region.room_of_centres(0.1).volume(), 0.64 * area * 1.0);
-    let layer = RegionRequest::Layer([0.25, 0.5]).of(&scene, &x).0;
+    let layer = RegionRequest::Layer([0.25, 0.5]).of(&scene, &x, alike(&scene)).0;
     near(layer.volume(), area * 0.25);
     // A box or a cylinder is cut by the walls, and reaches as far up as asked for.
     let high = Vec3::new(3.0, 3.0, 2.0);
-    near(RegionRequest::Box { low: -high, high }.of(&scene, &x).0.volume(), area * 2.0);
+    near(RegionRequest::Box { low: -high, high }.of(&scene, &x, alike(&scene)).0.volume(), area * 2.0);
     let cylinder = |radius| {
         let request = RegionRequest::Cylinder { axis: [0.0; 2], radius, ends: [-1.0, 0.5] };
-        request.of(&scene, &x).0.volume()
+        request.of(&scene, &x, alike(&scene)).0.volume()
     };
     near(cylinder(0.5), PI * 0.25 * 0.5);
     near(cylinder(0.6), area * 0.5);
@@ -98,7 +98,7 @@ fn a_tilted_floor_cuts_a_cylinder_and_heights_start_at_the_lowest_point() {
     let scene = with_walls(floor);
     let request = RegionRequest::Cylinder { axis: [0.0, 0.0], radius: 0.5, ends: [-2.0, 2.0] };
     // The floor halves the cylinder, whatever its slope.
-    let region = request.of(&scene, &[Vec3::new(0.0, 0.0, 1.0)]).0;
+    let region = request.of(&scene, &[Vec3::new(0.0, 0.0, 1.0)], alike(&scene)).0;
     assert!((region.volume() - PI * 0.25 * 2.0).abs() < 1e-9, "{}", region.volume());
     // Nothing holds spheres on the slope, so heights start at the origin.
     assert_eq!(region.upright.ground, 0.0);
@@ -113,7 +113,7 @@ fn up_to(top: f64) -> Vec<Vec3> {
 }
 
 fn bed(scene: &Scene, x: &[Vec3]) -> (Vec3, Vec3) {
-    let (region, words) = RegionRequest::Bed.of(scene, x);
+    let (region, words) = RegionRequest::Bed.of(scene, x, alike(scene));
     assert_eq!(words, "the bed, without its top");
     region.as_box().unwrap()
 }
@@ -126,7 +126,7 @@ fn a_deep_bed_is_measured_as_high_as_it_is_wide() {
     assert!((low - Vec3::new(-1.0, 2.0, -3.0)).amax() < 1e-14, "{low}");
     assert!((high - Vec3::new(1.0, 2.5, -2.5)).amax() < 1e-14, "{high}");
     // In a tube, as wide as two of its sides are apart.
-    let (region, _) = RegionRequest::Bed.of(&with_walls(&tube()), &up_to(1.3));
+    let (region, _) = RegionRequest::Bed.of(&with_walls(&tube()), &up_to(1.3), alike(&with_walls(&tube())));
     near(region.reach(&Vec3::z()), 1.0);
 }
 
@@ -138,7 +138,7 @@ fn a_shallow_bed_is_measured_up_to_three_quarters_of_its_centres() {
 
 #[test]
 fn an_open_base_or_a_bed_below_the_floor_is_measured_as_a_whole() {
-    let words = |scene: &Scene, x: &[Vec3]| RegionRequest::Bed.of(scene, x).1;
+    let words = |scene: &Scene, x: &[Vec3]| RegionRequest::Bed.of(scene, x, alike(scene)).1;
     for (min, max) in [
         ("[-inf, 0, 0]", "[1, 1, inf]"),
         ("[0, -inf, 0]", "[1, 1, inf]"),

@@ -3,6 +3,7 @@
 use super::region::{Region, Side, Upright, box_sides, cylinder_sides, least_width};
 use crate::math::polyhedron::{Half, Polyhedron, is_open};
 use crate::math::vector::Vec3;
+use crate::model::size::Sizes;
 use crate::scene::Scene;
 use crate::scene::walls::walls;
 
@@ -17,11 +18,13 @@ use crate::scene::walls::walls;
 /// ```rust
 /// use demhybrid::beds::measures::request::RegionRequest;
 /// use demhybrid::math::vector::Vec3;
+/// use demhybrid::model::size::{Size, Sizes};
 /// use demhybrid::scene::Scene;
 ///
 /// let text = std::fs::read_to_string("configs/quick.toml")?;
 /// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
-/// let (region, words) = RegionRequest::Whole.of(&scene, &[Vec3::new(0.3, 0.3, 0.4)]);
+/// let size = Sizes::Equal(Size::new(0.1, 1.0));
+/// let (region, words) = RegionRequest::Whole.of(&scene, &[Vec3::new(0.3, 0.3, 0.4)], size);
 /// assert!((region.volume() - 0.75 * 0.75 * 0.5).abs() < 1e-14); // the box up to the top of the sphere, m^3
 /// assert_eq!(words, "the whole bed");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -54,16 +57,17 @@ pub enum RegionRequest {
 }
 
 impl RegionRequest {
-    /// The region to measure in a bed of `scene` with the centres `x` (m), and its name.
+    /// The region to measure in a bed of `scene` of spheres with the centres `x` (m) and these `sizes`, and
+    /// its name.
     ///
     /// It may be empty, where no sphere is inside the walls or the walls leave nothing of what is asked for.
-    pub fn of(&self, scene: &Scene, x: &[Vec3]) -> (Region, &'static str) {
+    pub fn of(&self, scene: &Scene, x: &[Vec3], sizes: Sizes) -> (Region, &'static str) {
         let upright = Upright::of(scene);
         let mut sides = wall_sides(scene);
         let mut pillar = None;
         let words = match *self {
             RegionRequest::Whole => "the whole bed",
-            RegionRequest::Bed => match bed_top(scene, &sides, &upright, x) {
+            RegionRequest::Bed => match bed_top(&sides, &upright, x, sizes) {
                 Some(top) => {
                     sides.push((Half { n: upright.up, b: top }, Side::Cut));
                     "the bed, without its top"
@@ -88,7 +92,7 @@ impl RegionRequest {
         };
         for way in upright.ways() {
             if is_open(&halves(&sides), &way) {
-                let end = furthest(x, &way) + scene.particles.radius;
+                let end = end_of_spheres(x, sizes, &way).unwrap_or(scene.particles.radius);
                 sides.push((Half { n: way, b: end }, Side::End));
             }
         }
@@ -105,9 +109,9 @@ fn halves(sides: &[(Half, Side)]) -> Vec<Half> {
     sides.iter().map(|(half, _)| *half).collect()
 }
 
-/// The largest distance of any centre from the origin along `way`, m; 0 without spheres.
-fn furthest(x: &[Vec3], way: &Vec3) -> f64 {
-    x.iter().map(|x| way.dot(x)).reduce(f64::max).unwrap_or(0.0)
+/// The largest distance of a point of any sphere from the origin along `way`, m; `None` without spheres.
+fn end_of_spheres(x: &[Vec3], sizes: Sizes, way: &Vec3) -> Option<f64> {
+    x.iter().enumerate().map(|(i, x)| way.dot(x) + sizes.of(i).r).reduce(f64::max)
 }
 
 /// The height along `up` from the origin (m) up to which the density of the bed is measured.
@@ -118,11 +122,11 @@ fn furthest(x: &[Vec3], way: &Vec3) -> f64 {
 /// height below which three quarters of the centres lie.
 ///
 /// `None` if the walls leave the bed open below or on a side, or if it is not on its ground.
-fn bed_top(scene: &Scene, walls: &[(Half, Side)], upright: &Upright, x: &[Vec3]) -> Option<f64> {
+fn bed_top(walls: &[(Half, Side)], upright: &Upright, x: &[Vec3], sizes: Sizes) -> Option<f64> {
     let up = upright.up;
     let mut closed = halves(walls);
-    closed.push(Half { n: up, b: furthest(x, &up) + scene.particles.radius });
-    if x.is_empty() || upright.ways().iter().any(|way| is_open(&closed, way)) {
+    closed.push(Half { n: up, b: end_of_spheres(x, sizes, &up)? });
+    if upright.ways().iter().any(|way| is_open(&closed, way)) {
         return None;
     }
     let body = Polyhedron::of(&closed);

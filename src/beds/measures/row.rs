@@ -5,9 +5,10 @@ use serde::Serialize;
 use super::contacts::{Contact, Contacts, Partner, between_spheres};
 use super::rattlers::{fewest_that_hold, mean_coordination, rattlers};
 use super::region::{Region, Upright};
-use super::union::Spheres;
+use super::union::{Spheres, Volumes};
 use crate::files::run_file::State;
 use crate::math::vector::Vec3;
+use crate::model::size::Sizes;
 use crate::scene::Scene;
 
 /// The measures of one frame.
@@ -55,7 +56,9 @@ pub struct Row {
     pub paper_count_in_unit_cube: Option<f64>,
     /// Share of the unit cube that spheres cover; `None` if no sphere is in it.
     pub volume_fraction_in_unit_cube: Option<f64>,
-    /// A contact pushes with more than this share of a [`Reference`](super::reference_force::Reference), N.
+    /// A contact pushes with more than this, N: a share of a
+    /// [`Reference`](super::reference_force::Reference). Where every pair has its own, it is that of the
+    /// mean.
     pub contact_threshold: f64,
     /// Mean number of spheres that a sphere is in contact with.
     pub mean_coordination: f64,
@@ -92,23 +95,23 @@ impl Row {
     pub fn of(scene: &Scene, state: &State, region: &Region, share: f64) -> Row {
         let contacts = Contacts::of(scene, state, share);
         let x = centres(state);
-        let spheres = Spheres::new(&x, scene.particles.radius);
-        Row::with(scene, state, region, &contacts, &spheres)
+        let spheres = Spheres::sized(&x, state.sizes(scene));
+        let volumes = spheres.volumes(region);
+        Row::with(scene, state, volumes, &contacts, &spheres)
     }
 
-    /// Measures a frame with known `contacts` and `spheres`.
+    /// Measures a frame with known `volumes` in the region, `contacts` and `spheres`.
     pub fn with(
         scene: &Scene,
         state: &State,
-        region: &Region,
+        volumes: Volumes,
         contacts: &Contacts,
         spheres: &Spheres,
     ) -> Row {
-        let r = scene.particles.radius;
+        let sizes = state.sizes(scene);
         let x = centres(state);
         let count = x.len();
-        let volumes = spheres.volumes(region);
-        let cube = in_unit_cube(&x, r, spheres);
+        let cube = in_unit_cube(&x, sizes, spheres);
         let (pushing, overlapping) = (&contacts.pushing, &contacts.overlapping);
         let loose = rattlers(count, pushing, fewest_that_hold(scene));
         let held = loose.iter().filter(|&&loose| !loose).count();
@@ -141,7 +144,7 @@ impl Row {
             wall_overlaps: overlapping.len() - overlaps,
             mean_overlap: share(between_spheres(overlapping).map(|contact| contact.overlap).sum(), overlaps),
             largest_overlap: largest(overlapping, |contact| contact.overlap),
-            bed_height: top(&Upright::of(scene), &x) + r,
+            bed_height: top(&Upright::of(scene), &x, sizes),
         }
     }
 }
@@ -155,9 +158,10 @@ pub fn centres(state: &State) -> Vec<Vec3> {
     state.x.iter().map(|&x| x.into()).collect()
 }
 
-/// Height of the highest centre above the ground, m.
-fn top(upright: &Upright, x: &[Vec3]) -> f64 {
-    x.iter().map(|x| upright.height(x)).fold(f64::NEG_INFINITY, f64::max)
+/// Height of the highest point of any sphere above the ground, m.
+fn top(upright: &Upright, x: &[Vec3], sizes: Sizes) -> f64 {
+    let tops = x.iter().enumerate().map(|(i, x)| upright.height(x) + sizes.of(i).r);
+    tops.fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// The unit cube, in which the paper counts.
@@ -168,7 +172,7 @@ fn unit_cube() -> Region {
 /// Volume fractions in the unit cube: the count of the paper, and the exact share of the union.
 ///
 /// `None` if no sphere is in it.
-fn in_unit_cube(x: &[Vec3], r: f64, spheres: &Spheres) -> Option<[f64; 2]> {
+fn in_unit_cube(x: &[Vec3], sizes: Sizes, spheres: &Spheres) -> Option<[f64; 2]> {
     let union = spheres.volumes(&unit_cube()).union;
-    (union > 0.0).then(|| [crate::beds::measures::paper_volume_fraction(x, r), union])
+    (union > 0.0).then(|| [super::paper_count(x, |i| sizes.of(i).r), union])
 }

@@ -5,6 +5,7 @@ use super::profiles::{over_height, over_wall_distance};
 use super::radial::radial_distribution;
 use super::request::RegionRequest;
 use super::row::{Row, centres};
+use super::testing::alike;
 use super::union::Spheres;
 use crate::files::run_file::State;
 use crate::math::vector::Vec3;
@@ -48,7 +49,7 @@ fn measures(turn: &Rotation3<f64>, away: &Vec3, request: &RegionRequest) -> Vec<
     let state =
         State { frame: 0, time: 0.0, v: vec![[0.0; 3]; x.len()], x, omega: None, sizes: Default::default() };
     let x = centres(&state);
-    let (region, _) = request.of(&scene, &x);
+    let (region, _) = request.of(&scene, &x, alike(&scene));
     let spheres = Spheres::new(&x, 0.1);
     let row = serde_json::to_value(Row::of(&scene, &state, &region, SHARE)).unwrap();
     let mut all: Vec<(String, f64)> = row

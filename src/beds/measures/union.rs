@@ -1,28 +1,32 @@
-//! The volume of the union of equal spheres inside a region, accurate to almost all digits.
+//! The volume of the union of spheres inside a region, accurate to almost all digits.
 //!
-//! A point inside several spheres belongs to the one with the nearest centre. The part of a sphere is
-//! therefore a ball that half-spaces cut. Their planes are half-way to the spheres that it overlaps, or
-//! bounds of the region.
+//! A point inside several spheres belongs to the one with the least power |p - x_i|^2 - r_i^2; for equal
+//! spheres that is the one with the nearest centre. The part of a sphere is therefore a ball that half-spaces
+//! cut. Their planes are the radical planes with the spheres that it overlaps, which are half-way to equal
+//! ones, or bounds of the region. Of a sphere inside another one nothing remains.
 //!
 //! If no two cuts meet inside the ball, it only loses spherical caps. Otherwise the areas of its horizontal
 //! sections are integrated by Gauss's rule, between the heights at which their shape changes. These areas are
-//! exact, see [`super::flat`].
+//! exact, see [`super::flat`]. A large sphere among small ones loses very many caps, few of which meet; see
+//! `bites.rs`.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use rayon::prelude::*;
 
+use super::bites::{FEW, drop_shadowed, taken};
 use super::flat::Flat;
 use super::quadrature::integral;
 use super::region::{Pillar, Region, cut_section};
 use crate::engine::neighbors::{Key, Lists, Reach};
 use crate::math::polyhedron::Half;
 use crate::math::vector::Vec3;
+use crate::model::size::{Size, Sizes};
 
 /// Largest error of the volume of a ball, in r^3. It is far above rounding and far below any measured effect.
-const TOLERANCE: f64 = 1e-11;
+pub(super) const TOLERANCE: f64 = 1e-11;
 
-/// Spheres, each with the planes half-way to the spheres that it overlaps.
+/// Spheres, each with the radical planes between it and the spheres that it overlaps.
 ///
 /// # Examples
 ///
@@ -42,10 +46,18 @@ const TOLERANCE: f64 = 1e-11;
 /// ```
 pub struct Spheres<'a> {
     x: &'a [Vec3],
-    r: f64,
+    sizes: Sizes<'a>,
     cuts: Vec<Vec<Half>>,
-    /// Whether each sphere coincides with one of a lower index.
-    duplicate: Vec<bool>,
+    /// Whether each sphere is inside another one, or coincides with one of a lower index.
+    covered: Vec<bool>,
+}
+
+/// Spheres whose radii are within a factor of 2.
+struct Octave {
+    /// Largest radius, m.
+    r: f64,
+    /// Distance from the origin along a direction (m) and index of each sphere, ascending.
+    along: Vec<(f64, usize)>,
 }
 
 /// Volumes inside a region, m^3.
@@ -59,50 +71,114 @@ pub struct Volumes {
     pub region: f64,
 }
 
+impl Volumes {
+    /// The sums of what [`Spheres::parts`] found in `region`.
+    pub fn of(parts: &[[f64; 2]], region: &Region) -> Self {
+        let sum = |k: usize| parts.iter().map(|volumes| volumes[k]).sum();
+        Volumes { union: sum(0), spheres: sum(1), region: region.volume() }
+    }
+}
+
 impl<'a> Spheres<'a> {
     /// Spheres of radius `r` (m) around the centres `x` (m).
     pub fn new(x: &'a [Vec3], r: f64) -> Self {
+        Self::sized(x, Sizes::Equal(Size::new(r, 1.0)))
+    }
+
+    /// Spheres with these `sizes` around the centres `x` (m). Masses do not matter.
+    ///
+    /// # Examples
+    ///
+    /// ```rust
+    /// use demhybrid::beds::measures::region::Region;
+    /// use demhybrid::beds::measures::union::Spheres;
+    /// use demhybrid::math::vector::Vec3;
+    /// use demhybrid::model::size::{Size, Sizes};
+    /// use std::f64::consts::PI;
+    ///
+    /// // A sphere inside another one adds nothing.
+    /// let centres = [Vec3::zeros(), Vec3::new(0.4, 0.0, 0.0)];
+    /// let sizes = [Size::new(1.0, 1.0), Size::new(0.5, 1.0)];
+    /// let all = Region::cuboid(Vec3::repeat(-3.0), Vec3::repeat(3.0));
+    /// let volumes = Spheres::sized(&centres, Sizes::Each(&sizes)).volumes(&all);
+    /// assert!((volumes.union - 4.0 / 3.0 * PI).abs() < 1e-12); // m^3
+    /// assert!((volumes.spheres - 1.125 * 4.0 / 3.0 * PI).abs() < 1e-12);
+    /// ```
+    pub fn sized(x: &'a [Vec3], sizes: Sizes<'a>) -> Self {
         let mut cuts = vec![Vec::new(); x.len()];
-        let mut duplicate = vec![false; x.len()];
-        for_each_pair(x, 2.0 * r, |[i, j]| {
+        let mut covered = vec![false; x.len()];
+        let r = |i: usize| sizes.of(i).r;
+        let touching = Reach { sizes, shares: [1.0; 2], gaps: [0.0; 2] };
+        let touching = match sizes {
+            Sizes::Equal(size) => Reach::of_centres(2.0 * size.r, 2.0 * size.r),
+            Sizes::Each(_) => touching,
+        };
+        for_each_within(x, touching, |[i, j]| {
             let apart = x[j] - x[i];
             let d = apart.norm();
             if d > 0.0 {
                 let n = apart / d;
-                cuts[i].push(Half { n, b: n.dot(&x[i]) + d / 2.0 });
-                cuts[j].push(Half { n: -n, b: d / 2.0 - n.dot(&x[j]) });
+                // How much further than half-way the radical plane is from i; exactly 0 for equal spheres.
+                let shift = (r(i) - r(j)) * (r(i) + r(j)) / (2.0 * d);
+                cuts[i].push(Half { n, b: n.dot(&x[i]) + (d / 2.0 + shift) });
+                cuts[j].push(Half { n: -n, b: (d / 2.0 - shift) - n.dot(&x[j]) });
+            } else if r(i) == r(j) {
+                covered[i.max(j)] = true;
             } else {
-                duplicate[i.max(j)] = true;
+                covered[if r(i) < r(j) { i } else { j }] = true;
             }
         });
-        x.par_iter().zip(&mut cuts).for_each(|(x, cuts)| drop_idle(x, r, cuts));
-        Spheres { x, r, cuts, duplicate }
+        let unequal = matches!(sizes, Sizes::Each(_));
+        let each = x.par_iter().zip(&mut cuts).zip(&mut covered).enumerate();
+        each.for_each(|(i, ((x, cuts), covered))| {
+            let r = r(i);
+            // Radical planes may have the centre beyond them.
+            if unequal && (cuts.len() > FEW || cuts.iter().any(|half| half.beyond(x) > 0.0)) {
+                *covered |= drop_shadowed(x, r, cuts);
+            } else {
+                drop_idle(x, r, cuts);
+            }
+        });
+        Spheres { x, sizes, cuts, covered }
+    }
+
+    /// Radius of sphere `i`, m.
+    fn r(&self, i: usize) -> f64 {
+        self.sizes.of(i).r
     }
 
     /// Volumes inside `region`. The result has the same bits for any number of threads.
     pub fn volumes(&self, region: &Region) -> Volumes {
+        Volumes::of(&self.parts(region), region)
+    }
+
+    /// For each sphere its part of the union inside `region`, and its own volume there, m^3.
+    ///
+    /// A point inside several spheres is in the part of one of them only.
+    pub fn parts(&self, region: &Region) -> Vec<[f64; 2]> {
         let halves = region.halves();
         let pillar = region.pillar();
-        let each: Vec<[f64; 2]> = (0..self.x.len())
+        (0..self.x.len())
             .into_par_iter()
             .map(|i| {
-                let x = &self.x[i];
-                if region.body().faces.is_empty() || halves.iter().any(|half| half.beyond(x) >= self.r) {
+                let (x, r, cuts) = (&self.x[i], self.r(i), &self.cuts[i]);
+                if region.body().faces.is_empty() || halves.iter().any(|half| half.beyond(x) >= r) {
                     return [0.0; 2];
                 }
-                let whole = Ball::new(x, self.r, halves.iter(), pillar).volume();
-                let own = if self.duplicate[i] {
+                let inside = Ball::new(x, r, halves.iter(), pillar);
+                let whole = inside.volume();
+                let own = if self.covered[i] {
                     0.0
-                } else if self.cuts[i].is_empty() {
+                } else if cuts.is_empty() {
                     whole
+                } else if cuts.len() > FEW && matches!(self.sizes, Sizes::Each(_)) {
+                    (whole - taken(&inside, x, cuts)).max(0.0)
                 } else {
-                    Ball::new(x, self.r, halves.iter().chain(&self.cuts[i]), pillar).volume()
+                    Ball::new(x, r, halves.iter().chain(cuts), pillar).volume()
                 };
                 [own, whole]
             })
-            .collect();
-        let sum = |k: usize| each.iter().map(|volumes| volumes[k]).sum();
-        Volumes { union: sum(0), spheres: sum(1), region: region.volume() }
+            .collect()
     }
 
     /// Areas (m^2) of sections of the union with planes across the unit vector `n`, at distances `at` (m)
@@ -116,25 +192,45 @@ impl<'a> Spheres<'a> {
         halves: impl Fn(usize) -> Vec<Half> + Sync,
         pillar: Option<Pillar>,
     ) -> Vec<f64> {
-        let mut along: Vec<(f64, usize)> =
-            (0..self.x.len()).filter(|&i| !self.duplicate[i]).map(|i| (n.dot(&self.x[i]), i)).collect();
-        along.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let octaves = self.octaves(n);
+        let unequal = matches!(self.sizes, Sizes::Each(_));
         let area = |k: usize| {
             let halves = halves(k);
-            let from = along.partition_point(|(place, _)| *place <= at[k] - self.r);
-            let to = along.partition_point(|(place, _)| *place < at[k] + self.r);
             let mut flat = Flat::default();
             let mut area = 0.0;
-            for &(place, i) in along.get(from..to).unwrap_or_default() {
-                let x = &self.x[i];
-                if halves.iter().all(|half| half.beyond(x) < self.r) {
-                    let ball = Ball::new(x, self.r, halves.iter().chain(&self.cuts[i]), pillar);
-                    area += ball.section(n, at[k] - place, &mut flat);
+            for Octave { r, along } in &octaves {
+                let from = along.partition_point(|(place, _)| *place <= at[k] - r);
+                let to = along.partition_point(|(place, _)| *place < at[k] + r);
+                for &(place, i) in along.get(from..to).unwrap_or_default() {
+                    let (x, r) = (&self.x[i], self.r(i));
+                    if (at[k] - place).abs() < r && halves.iter().all(|half| half.beyond(x) < r) {
+                        let mut ball = Ball::new(x, r, halves.iter().chain(&self.cuts[i]), pillar);
+                        if unequal {
+                            ball.keep_those_across(n, at[k] - place);
+                        }
+                        area += ball.section(n, at[k] - place, &mut flat);
+                    }
                 }
             }
             area
         };
         (0..at.len()).into_par_iter().map(area).collect()
+    }
+
+    /// The spheres that are not covered, by octaves of their radii and by their places along `n`.
+    fn octaves(&self, n: &Vec3) -> Vec<Octave> {
+        let left = || (0..self.x.len()).filter(|&i| !self.covered[i]);
+        let most = left().map(|i| self.r(i)).fold(0.0, f64::max);
+        let mut octaves: Vec<Octave> = Vec::new();
+        for i in left() {
+            let k = (most / self.r(i)).log2().floor() as usize;
+            octaves.resize_with(octaves.len().max(k + 1), || Octave { r: 0.0, along: Vec::new() });
+            octaves[k].r = octaves[k].r.max(self.r(i));
+            octaves[k].along.push((n.dot(&self.x[i]), i));
+        }
+        let order = |a: &(f64, usize), b: &(f64, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        octaves.iter_mut().for_each(|octave| octave.along.sort_unstable_by(order));
+        octaves
     }
 }
 
@@ -187,22 +283,32 @@ fn drop_idle(x: &Vec3, r: f64, halves: &mut Vec<Half>) {
 /// assert_eq!(pairs, [[0, 1], [1, 2]]);
 /// ```
 pub fn for_each_pair(x: &[Vec3], cutoff: f64, visit: impl FnMut([usize; 2])) {
+    for_each_within(x, Reach::of_centres(cutoff, cutoff), visit);
+}
+
+/// The same for every pair within `reach`, at a cost that does not depend on how unequal the spheres are.
+pub fn for_each_within(x: &[Vec3], reach: Reach, visit: impl FnMut([usize; 2])) {
     let keys: Vec<Key> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
     let mut lists = Lists::default();
-    lists.rebuild(x, &keys, x.len(), Reach::of_centres(cutoff, cutoff), &[], 1);
+    lists.rebuild(x, &keys, x.len(), reach, &[], 1);
     lists.blocks.iter().flat_map(|block| block.first_pairs()).for_each(visit);
 }
 
 /// The part of a ball around the origin that half-spaces, and perhaps an upright cylinder, leave.
-struct Ball {
-    r: f64,
-    halves: Vec<Half>,
-    pillar: Option<Pillar>,
+pub(super) struct Ball {
+    pub(super) r: f64,
+    pub(super) halves: Vec<Half>,
+    pub(super) pillar: Option<Pillar>,
     empty: bool,
 }
 
 impl Ball {
-    fn new<'h>(x: &Vec3, r: f64, halves: impl Iterator<Item = &'h Half>, pillar: Option<Pillar>) -> Self {
+    pub(super) fn new<'h>(
+        x: &Vec3,
+        r: f64,
+        halves: impl Iterator<Item = &'h Half>,
+        pillar: Option<Pillar>,
+    ) -> Self {
         let local = halves.map(|half| half.moved(&-x));
         let halves: Vec<Half> = local.filter(|half| half.b < r).collect();
         let pillar = pillar.map(|(axis, radius)| ([axis[0] - x.x, axis[1] - x.y], radius));
@@ -213,7 +319,27 @@ impl Ball {
         Ball { r, halves, pillar, empty }
     }
 
-    fn volume(&self) -> f64 {
+    /// This ball, cut by further `halves`, whose places are those around its centre.
+    pub(super) fn cut(&self, halves: impl Iterator<Item = Half>) -> Self {
+        let halves: Vec<Half> = self.halves.iter().copied().chain(halves).collect();
+        let empty = self.empty || halves.iter().any(|half| half.b <= -self.r);
+        Ball { r: self.r, halves, pillar: self.pillar, empty }
+    }
+
+    /// Drops the half-spaces whose planes miss the section across `n` at the distance `at` (m).
+    fn keep_those_across(&mut self, n: &Vec3, at: f64) {
+        let radius = (self.r * self.r - at * at).max(0.0).sqrt();
+        let mut empty = self.empty;
+        self.halves.retain(|half| {
+            let slope = half.n.dot(n);
+            let (room, width) = (half.b - at * slope, radius * (1.0 - slope * slope).max(0.0).sqrt());
+            empty |= room <= -width;
+            room < width
+        });
+        self.empty = empty;
+    }
+
+    pub(super) fn volume(&self) -> f64 {
         let r = self.r;
         if self.empty {
             return 0.0;
@@ -226,20 +352,8 @@ impl Ball {
             return (4.0 / 3.0 * PI * r.powi(3) - caps.sum::<f64>()).max(0.0);
         }
         let mut flat = Flat::default();
-        let heights = self.heights();
-        heights
-            .windows(2)
-            .map(|ends| {
-                let (middle, half) = ((ends[0] + ends[1]) / 2.0, (ends[1] - ends[0]) / 2.0);
-                // At both ends the area grows like a square root. It is smooth as a function of the angle
-                // with the sine `s`.
-                let mut area = |s: f64| {
-                    let (sine, cosine) = (FRAC_PI_2 * s).sin_cos();
-                    half * FRAC_PI_2 * cosine * self.section(&Vec3::z(), middle + half * sine, &mut flat)
-                };
-                integral(&mut area, [-1.0, 1.0], TOLERANCE * r.powi(3) / heights.len() as f64)
-            })
-            .sum()
+        let area = |z: f64| self.section(&Vec3::z(), z, &mut flat);
+        volume_between(&self.heights(), area, TOLERANCE * r.powi(3))
     }
 
     /// Whether no two of the caps that are cut off meet.
@@ -253,7 +367,7 @@ impl Ball {
     }
 
     /// Heights at which the section changes its shape, ascending. With a cylinder, some may be missing.
-    fn heights(&self) -> Vec<f64> {
+    pub(super) fn heights(&self) -> Vec<f64> {
         let (r, z) = (self.r, Vec3::z());
         let (mut low, mut high) = (-r, r);
         let mut found = Vec::new();
@@ -314,12 +428,28 @@ impl Ball {
 
     /// Area of the section with the plane across the unit vector `n`, at the distance `at` (m) from the
     /// centre along it, m^2.
-    fn section(&self, n: &Vec3, at: f64, flat: &mut Flat) -> f64 {
+    pub(super) fn section(&self, n: &Vec3, at: f64, flat: &mut Flat) -> f64 {
         flat.clear();
         flat.within([0.0; 2], (self.r * self.r - at * at).max(0.0).sqrt());
         cut_section(flat, n, &(n * at), &self.halves, self.pillar);
         if self.empty { 0.0 } else { flat.area() }
     }
+}
+
+/// Integral of the `area` (m^2) of sections over the height, m^3. It is smooth between two of the `heights`
+/// (m), which ascend. The error is below `tolerance` (m^3).
+pub(super) fn volume_between(heights: &[f64], mut area: impl FnMut(f64) -> f64, tolerance: f64) -> f64 {
+    let part = |ends: &[f64]| {
+        let (middle, half) = ((ends[0] + ends[1]) / 2.0, (ends[1] - ends[0]) / 2.0);
+        // At both ends the area grows like a square root. It is smooth as a function of the angle with the
+        // sine `s`.
+        let mut area = |s: f64| {
+            let (sine, cosine) = (FRAC_PI_2 * s).sin_cos();
+            half * FRAC_PI_2 * cosine * area(middle + half * sine)
+        };
+        integral(&mut area, [-1.0, 1.0], tolerance / heights.len() as f64)
+    };
+    heights.windows(2).map(part).sum()
 }
 
 #[cfg(test)]

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use super::classes;
 use super::measured::Measured;
-use crate::beds::measures::contacts::between_spheres;
+use crate::beds::measures::contacts::{Contact, Partner, between_spheres};
 use crate::beds::measures::row::Row;
 use crate::beds::plot::{Line, series};
 use crate::error::Error;
@@ -71,6 +72,15 @@ pub fn draw(folder: &Path, run: &str, measured: &Measured) -> Result<Vec<Figure>
     let apart = measured.radial_distribution.iter().any(|&[_, g]| g > 0.0);
     let g = if apart { vec![points("g", &measured.radial_distribution)] } else { Vec::new() };
     figure("rdf.svg", "radial distribution function", ["distance of the centres (m)", "g"], false, g)?;
+    if let Some(found) = &measured.by_class {
+        let labels = ["distance of the centres over the mean diameter", "g"];
+        let caption = "radial distribution functions of pairs of classes";
+        figure("class-rdf.svg", caption, labels, false, classes::radial(found))?;
+        let labels = ["height (m)", "share of the mass"];
+        figure("class-height.svg", "classes over height", labels, false, classes::heights(found))?;
+        let labels = ["diameter (m)", "share of spheres up to it"];
+        figure("sizes.svg", "distribution of sizes", labels, false, classes::sizes(found))?;
+    }
     let spheres = measured.coordination.iter().map(|&spheres| spheres as f64);
     let steps: Vec<(f64, f64)> = spheres
         .enumerate()
@@ -81,8 +91,16 @@ pub fn draw(folder: &Path, run: &str, measured: &Measured) -> Result<Vec<Figure>
     figure("coordination.svg", "how many spheres have how many contacts", labels, false, lines)?;
 
     let overlapping = between_spheres(&measured.contacts.overlapping);
-    let overlaps: Vec<f64> = overlapping.map(|contact| contact.overlap / measured.radius).collect();
-    let labels = ["overlap over the radius", "probability density"];
+    // Over the mean of both radii, where spheres differ.
+    let radius = |i: usize| measured.sizes.get(i).map_or(measured.radius, |size| size.r);
+    let mean = |contact: &Contact| match contact.partner {
+        Partner::Sphere(j) => 0.5 * (radius(contact.i) + radius(j)),
+        Partner::Wall(_) => radius(contact.i),
+    };
+    let overlaps: Vec<f64> = overlapping.map(|contact| contact.overlap / mean(contact)).collect();
+    let label =
+        if measured.sizes.is_empty() { "overlap over the radius" } else { "overlap over the mean radius" };
+    let labels = [label, "probability density"];
     figure("overlaps.svg", "distribution of overlaps", labels, false, distribution("overlaps", &overlaps))?;
     let mean = measured.last().mean_force;
     let pushing = between_spheres(&measured.contacts.pushing);

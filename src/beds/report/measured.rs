@@ -1,19 +1,26 @@
 //! All measures that a report shows.
 
+use std::sync::Arc;
+
 use serde::Serialize;
 
+use super::classes;
+use crate::beds::measures::by_class::ByClass;
+use crate::beds::measures::classes::Classes;
 use crate::beds::measures::contacts::{Contacts, WallForce};
 use crate::beds::measures::profiles;
 use crate::beds::measures::radial::radial_distribution;
 use crate::beds::measures::rattlers::{coordination, fewest_that_hold};
+use crate::beds::measures::reference_force::Reference;
 use crate::beds::measures::region::{Region, Upright};
 use crate::beds::measures::row::{Row, centres};
-use crate::beds::measures::union::Spheres;
+use crate::beds::measures::union::{Spheres, Volumes};
 use crate::error::Error;
 use crate::files::names::Series;
 use crate::files::run_file::{RunFile, State};
 use crate::math::digits::short;
 use crate::math::vector::Vec3;
+use crate::model::size::Size;
 
 /// A quantity of the run over time.
 #[derive(Debug, Clone)]
@@ -55,6 +62,9 @@ pub struct Measured {
     pub wall_profiles: Vec<(String, Vec<f64>)>,
     /// Distances (m), with the radial distribution function.
     pub radial_distribution: Vec<[f64; 2]>,
+    /// The measures by class; none where all spheres are alike.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub by_class: Option<ByClass>,
     /// Contacts. They have their own table.
     #[serde(skip)]
     pub contacts: Contacts,
@@ -64,8 +74,11 @@ pub struct Measured {
     /// Heights of the centres above the ground over time, m, by sphere. Empty if there are many spheres.
     #[serde(skip)]
     pub trajectories: Vec<Vec<f64>>,
-    /// Radius of all spheres, m.
+    /// Radius of all spheres, m; their mean radius, where they differ.
     pub radius: f64,
+    /// The size of each sphere; none where all are alike.
+    #[serde(skip)]
+    pub sizes: Arc<[Size]>,
 }
 
 /// Largest number of spheres whose heights are drawn over time.
@@ -76,21 +89,27 @@ const MOST_WALLS: usize = 6;
 impl Measured {
     /// Measures `state`, the last of the frames that were asked for. `rows` has the rows of the earlier ones.
     ///
-    /// Contacts push with more than `share` of the reference force.
+    /// Contacts push with more than `share` of the reference force. Where spheres differ they are measured by
+    /// `classes`, too.
     pub fn of(
         run_file: &RunFile,
         state: &State,
-        region: &Region,
-        words: &str,
+        (region, words): (&Region, &str),
         share: f64,
+        classes: Option<&Classes>,
         mut rows: Vec<Row>,
     ) -> Result<Self, Error> {
         let scene = &run_file.scene;
         let r = scene.particles.radius;
         let contacts = Contacts::of(scene, state, share);
         let x = centres(state);
-        let spheres = Spheres::new(&x, r);
-        rows.push(Row::with(scene, state, region, &contacts, &spheres));
+        let sizes = state.sizes(scene);
+        let spheres = Spheres::sized(&x, sizes);
+        let parts = spheres.parts(region);
+        rows.push(Row::with(scene, state, Volumes::of(&parts, region), &contacts, &spheres));
+        let by_class = |classes| ByClass::of(scene, state, region, classes, &contacts, &parts);
+        let by_class = classes.map(by_class);
+        let largest = state.sizes.iter().map(|size| size.r).fold(r, f64::max);
         let numbers = coordination(x.len(), &contacts.pushing);
         let mut histogram = vec![0; numbers.iter().max().map_or(0, |most| most + 1)];
         numbers.iter().for_each(|&number| histogram[number] += 1);
@@ -111,11 +130,13 @@ impl Measured {
             height_profile: profiles::over_height(&spheres, region, r),
             wall_distances,
             wall_profiles,
-            radial_distribution: radial_distribution(&x, r, &region.room_of_centres(r), &axes),
+            radial_distribution: radial_distribution(&x, r, &region.room_of_centres(largest), &axes),
+            by_class,
             contacts,
             series: series(run_file)?,
             trajectories: trajectories(run_file)?,
             radius: r,
+            sizes: state.sizes.clone(),
         })
     }
 
@@ -156,10 +177,7 @@ impl Measured {
             ),
             ("rattlers", format!("{} (fewer than {} contacts)", row.rattlers, self.contacts_that_hold)),
             ("contacts", format!("{} between spheres, {} with walls", row.contacts, row.wall_contacts)),
-            (
-                "a contact pushes with more than",
-                format!("{} N, {} of {}", short(row.contact_threshold), self.share, self.reference),
-            ),
+            ("a contact pushes with more than", self.threshold()),
             (
                 "contact force",
                 format!("mean {} N, largest {} N", short(row.mean_force), short(row.largest_force)),
@@ -179,10 +197,11 @@ impl Measured {
             (
                 "overlap",
                 format!(
-                    "mean {} m, largest {} m ({} radii)",
+                    "mean {} m, largest {} m ({} {}radii)",
                     short(row.mean_overlap),
                     short(row.largest_overlap),
-                    short(row.largest_overlap / self.radius)
+                    short(row.largest_overlap / self.radius),
+                    self.mean_word()
                 ),
             ),
         ]);
@@ -191,16 +210,37 @@ impl Measured {
             found.push((
                 "highest peak of g",
                 format!(
-                    "{} at {} m +- {} m ({:.3} diameters)",
+                    "{} at {} m +- {} m ({:.3} {}diameters)",
                     short(g),
                     short(at),
                     short(width),
-                    at / (2.0 * self.radius)
+                    at / (2.0 * self.radius),
+                    self.mean_word()
                 ),
             ));
         }
         found.push(("bed height", format!("{} m", short(row.bed_height))));
+        found.extend(self.by_class.iter().flat_map(classes::findings));
         found
+    }
+
+    /// What radii and diameters in the text are, where spheres differ.
+    fn mean_word(&self) -> &'static str {
+        if self.sizes.is_empty() { "" } else { "mean " }
+    }
+
+    /// The force above which a push is a contact.
+    fn threshold(&self) -> String {
+        let threshold = short(self.last().contact_threshold);
+        match self.contacts.reference {
+            Reference::Weights { lightest, .. } => format!(
+                "{} of {}: {} N for the lightest, {threshold} N in the mean",
+                self.share,
+                self.reference,
+                short(self.share * lightest)
+            ),
+            _ => format!("{threshold} N, {} of {}", self.share, self.reference),
+        }
     }
 
     /// The normal force on every wall, or the sum over many walls.

@@ -1,5 +1,6 @@
 //! The report on a bed: its measures, tables and figures, and a page that shows all of them.
 
+mod classes;
 mod figures;
 mod measured;
 mod page;

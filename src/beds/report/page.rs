@@ -48,7 +48,7 @@ pub fn write(
         if run_file.completed { "" } else { "; the run is not complete" },
         escaped(&measured.region_words),
     );
-    if let Some(svg) = picture(&run_file.scene, &centres(state)) {
+    if let Some(svg) = picture(&run_file.scene, &centres(state), state.sizes(&run_file.scene)) {
         let _ = writeln!(page, "{svg}");
     }
     let found = measured.findings();

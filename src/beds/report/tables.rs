@@ -7,6 +7,20 @@ use crate::beds::folder::cannot_write;
 use crate::beds::measures::contacts::Partner;
 use crate::error::Error;
 
+/// A table: the name of its file, its head and its rows.
+pub struct Table {
+    name: &'static str,
+    head: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table whose rows are as long as its head.
+    pub fn new(name: &'static str, head: Vec<String>, rows: Vec<Vec<String>>) -> Self {
+        Table { name, head, rows }
+    }
+}
+
 /// Writes all tables into `folder`; returns their names.
 pub fn write(folder: &Path, measured: &Measured) -> Result<Vec<String>, Error> {
     let mut written = Vec::new();
@@ -69,5 +83,9 @@ pub fn write(folder: &Path, measured: &Measured) -> Result<Vec<String>, Error> {
     let frames = measured.series.iter().map(|column| column.values.len()).min().unwrap_or(0);
     let rows = (0..frames).map(|k| measured.series.iter().map(|column| number(column.values[k])).collect());
     table("series.csv", &head, rows.collect())?;
+    for Table { name, head, rows } in measured.by_class.iter().flat_map(super::classes::tables) {
+        let head: Vec<&str> = head.iter().map(|word| &word[..]).collect();
+        table(name, &head, rows)?;
+    }
     Ok(written)
 }

@@ -75,11 +75,12 @@ fn bed(job: &Job, until: f64) -> Sample {
     if sample.failure.is_some() {
         return sample;
     }
-    let r = scene.particles.radius;
-    let (region, _) = RegionRequest::Bed.of(&scene, &end.x);
-    let volumes = Spheres::new(&end.x, r).volumes(&region);
+    let state = end.state(0);
+    let sizes = state.sizes(&scene);
+    let (region, _) = RegionRequest::Bed.of(&scene, &end.x, sizes);
+    let volumes = Spheres::sized(&end.x, sizes).volumes(&region);
     let fraction = volumes.union / volumes.region;
-    let contacts = Contacts::of(&scene, &end.state(0), SHARE).pushing;
+    let contacts = Contacts::of(&scene, &state, SHARE).pushing;
     let coordination = mean_coordination(end.x.len(), &contacts);
     let numbers = vec![fraction, end.bed_height, coordination, overlap];
     Sample { numbers, ..sample }
@@ -206,6 +207,7 @@ fn same(paired: &Interval, measure: Measure, r: f64) -> bool {
 mod tests {
     use super::*;
     use crate::ode::MethodName;
+    use crate::scene::initial_condition::column;
 
     const AUTO: Stepper = Stepper::Method(MethodName::Auto);
     use crate::domain::Solo;
@@ -280,6 +282,24 @@ mod tests {
         assert!(no_bed(&scene, &one).unwrap().contains("one sphere"));
         scene.gravity = [0.0; 3];
         assert!(no_bed(&scene, &start).unwrap().contains("no wall"));
+    }
+
+    #[test]
+    fn beds_of_unequal_spheres_are_measured_with_their_own_radii() {
+        let (scene, mut start) = scene();
+        start.x = vec![[0.15, 0.15, 0.1], [0.4, 0.4, 0.05]];
+        (start.v, start.omega) = (vec![[0.0; 3]; 2], vec![[0.0; 3]; 2]);
+        start.columns =
+            vec![(column("radius", "m"), vec![0.1, 0.05]), (column("mass", "kg"), vec![1.0, 0.125])];
+        let solver = adaptive(MethodName::Auto, 1e-2);
+        let job = Job { scene: &scene, variation: None, solver: &solver, seed: None, start: &start };
+        let sample = bed(&job, 1e-6);
+        assert_eq!(sample.failure, None);
+        // The bed ends at the highest centre: half of the large sphere and all of the small one are in it.
+        let ball = |r: f64| 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);
+        let exact = (0.5 * ball(0.1) + ball(0.05)) / (0.5 * 0.5 * 0.1);
+        assert!((sample.number(0) - exact).abs() < 1e-8, "{} is not {exact}", sample.number(0));
+        assert!((sample.number(1) - 0.2).abs() < 1e-9, "{}", sample.number(1));
     }
 
     #[test]

@@ -159,7 +159,7 @@ struct Held {
 /// Each frame gives its time and then the first `OVER_TIME` measures.
 fn numbers(scene: &Scene, plan: &Plan, held: &[Held]) -> Vec<f64> {
     let Some(last) = held.last() else { return Vec::new() };
-    let (region, _) = plan.region.of(scene, &centres(&last.state));
+    let (region, _) = plan.region.of(scene, &centres(&last.state), last.state.sizes(scene));
     let mut numbers = Vec::with_capacity(held.len() * (1 + OVER_TIME));
     for held in held {
         let at = AtFrame {
@@ -240,6 +240,7 @@ pub fn recorded(run_file: &RunFile, plan: &Plan) -> Result<Sample, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::initial_condition::column;
     use crate::studies::ensemble::testing::scene;
 
     fn plan(times: u64) -> Plan {
@@ -270,6 +271,22 @@ mod tests {
         // The largest overlap also counts frames that are not measured.
         assert_eq!((&some.end, &end.end), (&all.end, &all.end));
         assert_eq!(all.end.len(), MEASURES.len());
+    }
+
+    #[test]
+    fn unequal_spheres_are_measured_with_their_own_radii() {
+        let (scene, mut start) = scene(&["t_end=1e-6"]);
+        start.x = vec![[0.15, 0.15, 0.1], [0.4, 0.4, 0.05]];
+        (start.v, start.omega) = (vec![[0.0; 3]; 2], vec![[0.0; 3]; 2]);
+        start.columns =
+            vec![(column("radius", "m"), vec![0.1, 0.05]), (column("mass", "kg"), vec![1.0, 0.125])];
+        let end = Followed::of(&simulated(&scene, &start, &plan(0))).end;
+        let of = |name: &str| end[MeasureId::of_name(name).unwrap().0];
+        // The bed ends at the highest centre: half of the large sphere and all of the small one are in it.
+        let ball = |r: f64| 4.0 / 3.0 * std::f64::consts::PI * r.powi(3);
+        let exact = (0.5 * ball(0.1) + ball(0.05)) / (0.5 * 0.5 * 0.1);
+        assert!((of("volume_fraction") - exact).abs() < 1e-8, "{} is not {exact}", of("volume_fraction"));
+        assert!((of("bed_height") - 0.2).abs() < 1e-9);
     }
 
     #[test]
