@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Reads what `demhybrid export` wrote with the programs that it is for, and compares with the run itself (h5py).
 
-    python3 read_exports.py RUN FRAME vtp FILE | stl FILE SUBDIVISIONS | raw FILE | ovito FILE | lammps FILE PROGRAM
+    python3 read_exports.py RUN FRAME vtp FILE | stl FILE SUBDIVISIONS | raw FILE | ovito FILE [FRAMES]
+                            | lammps FILE PROGRAM
 
 Prints one line and leaves with 0, or says what is wrong and leaves with 1.
 """
@@ -43,9 +44,14 @@ def vtp():
     names = {arrays.GetArrayName(k) for k in range(arrays.GetNumberOfArrays())}
     check(names == set(root["PointData"]), f"arrays {names}")
     for name in names:
-        expected = root[f"PointData/{name}"][:count] if name in ("id", "radius") else rows(f"PointData/{name}")
+        constant = name in ("id", "radius", "mass", "species")
+        expected = root[f"PointData/{name}"][:count] if constant else rows(f"PointData/{name}")
         found = vtk_to_numpy(arrays.GetArray(name))
         check(found.dtype == expected.dtype and np.array_equal(found, expected), f"other values of {name}")
+    if species is not None:
+        found = data.GetFieldData().GetAbstractArray("species_names")
+        found = [found.GetValue(k) for k in range(found.GetNumberOfValues())]
+        check(found == species, f"species {found}")
     check(data.GetFieldData().GetArray("TimeValue").GetValue(0) == time, "another time")
 
 
@@ -57,14 +63,16 @@ def stl():
     check(data.GetNumberOfCells() == count * triangles, f"{data.GetNumberOfCells()} triangles")
     ends = np.array(data.GetBounds()).reshape(3, 2)
     # Corners lie a little outside of the sphere, but not at its ends.
-    check(np.all(np.abs(ends[:, 0] - (x - r).min(axis=0)) < 0.1 * r), f"bounds {ends}")
-    check(np.all(np.abs(ends[:, 1] - (x + r).max(axis=0)) < 0.1 * r), f"bounds {ends}")
+    low, high = (x - r[:, None]).min(axis=0), (x + r[:, None]).max(axis=0)
+    check(np.all(np.abs(ends[:, 0] - low) < 0.1 * r.max()), f"bounds {ends}")
+    check(np.all(np.abs(ends[:, 1] - high) < 0.1 * r.max()), f"bounds {ends}")
     # Tetrahedra with one corner at the centre of their sphere. Single precision leaves 1e-7 of a coordinate.
+    tolerance = 1e-4 * r.max() / r
     facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("flags", "<u2")])
     corners = np.fromfile(path, dtype=facet, offset=84)["corners"].astype(float).reshape(count, triangles, 3, 3)
     corners -= np.asarray(x)[:, None, None, :]
     volume = np.linalg.det(corners).sum(axis=1) / 6
-    check(np.all(np.abs(volume / (4 / 3 * np.pi * r**3) - 1) < 1e-4), f"volumes of spheres {volume}")
+    check(np.all(np.abs(volume / (4 / 3 * np.pi * r**3) - 1) < tolerance), f"volumes of spheres {volume}")
 
 
 def raw():
@@ -75,9 +83,9 @@ def raw():
     check(set(np.unique(image)) <= {0, 1}, "not only 0 and 1: the box of the scene is the whole image")
     centres = [header["origin"][k] + (np.arange(n) + 0.5) * header["spacing"][k] for k, n in enumerate((nx, ny, nz))]
     solid = np.zeros(image.shape, dtype=bool)
-    for a, b, c in x:
+    for (a, b, c), radius in zip(x, r):
         apart = [(centres[k] - at) ** 2 for k, at in enumerate((a, b, c))]
-        solid |= apart[2][:, None, None] + apart[1][None, :, None] + apart[0][None, None, :] <= r * r
+        solid |= apart[2][:, None, None] + apart[1][None, :, None] + apart[0][None, None, :] <= radius * radius
     expected = solid if header["one"] == "solid" else ~solid
     wrong = np.count_nonzero(image != expected)
     # Centres on a surface may fall to either side by rounding.
@@ -91,14 +99,22 @@ def ovito():
     from ovito.io import import_file
 
     pipeline = import_file(path)
-    check(pipeline.num_frames == frames, f"{pipeline.num_frames} frames")
-    data = pipeline.compute(frame)
+    expected = int(sys.argv[5]) if len(sys.argv) > 5 else frames
+    check(pipeline.num_frames == expected, f"{pipeline.num_frames} frames")
+    data = pipeline.compute(min(frame, expected - 1))
     found = data.particles
     check(found.count == count, f"{found.count} particles")
     check(np.allclose(found.positions, x, rtol=0, atol=1e-12), "other positions")
     check(np.array_equal(found["Particle Identifier"], np.arange(count)), "other ids")
     check(np.allclose(found["Radius"], r, rtol=1e-6), "other radii")
     check(np.allclose(found["Velocity"], rows("PointData/velocity"), rtol=0, atol=1e-12), "other velocities")
+    if species is not None:
+        types = found.particle_types
+        names = [types.type_by_id(number).name for number in types]
+        expected = [species[int(k)].replace(" ", "_") for k in root["PointData/species"][:count]]
+        check(names == expected, f"types {names}")
+    if "mass" in root["PointData"]:
+        check(np.allclose(found["Mass"], root["PointData/mass"][:count], rtol=1e-12), "other masses")
     check(data.attributes["Time"] == time, f"attributes {dict(data.attributes)}")
     check(not any(data.cell.pbc), "a periodic cell")
 
@@ -110,9 +126,9 @@ atom_style sphere
 boundary f f f
 comm_modify vel yes
 read_data {path}
-pair_style zero {4 * r}
+pair_style zero {4 * r.max()}
 pair_coeff * *
-dump 1 all custom 1 {dump} id x y z vx vy vz omegax omegay omegaz diameter mass
+dump 1 all custom 1 {dump} id x y z vx vy vz omegax omegay omegaz diameter mass type
 dump_modify 1 sort id format float %.17g
 run 0
 """
@@ -121,13 +137,16 @@ run 0
     said = subprocess.run([sys.argv[5], "-in", path + ".in", "-log", "none"], capture_output=True, text=True)
     check(said.returncode == 0, f"LAMMPS says\n{said.stdout}\n{said.stderr}")
     found = np.loadtxt(dump, skiprows=9)
-    check(found.shape == (count, 12), f"shape {found.shape}")
+    check(found.shape == (count, 13), f"shape {found.shape}")
     check(np.array_equal(found[:, 0], np.arange(1, count + 1)), "other ids")
     check(np.array_equal(found[:, 1:4], x), "other positions")
     check(np.array_equal(found[:, 4:7], rows("PointData/velocity")), "other velocities")
     if "angular_velocity" in root["PointData"]:
         check(np.array_equal(found[:, 7:10], rows("PointData/angular_velocity")), "other spins")
-    check(np.allclose(found[:, 10], 2 * r) and np.allclose(found[:, 11], file["run"].attrs["mass"]), "other spheres")
+    mass = root["PointData/mass"][:count] if "mass" in root["PointData"] else file["run"].attrs["mass"]
+    check(np.allclose(found[:, 10], 2 * r) and np.allclose(found[:, 11], mass), "other spheres")
+    types = 1 if species is None else root["PointData/species"][:count] + 1
+    check(np.array_equal(found[:, 12], types * np.ones(count)), "other types")
 
 
 run, frame, kind, path = sys.argv[1], int(sys.argv[2]), sys.argv[3], sys.argv[4]
@@ -137,7 +156,11 @@ frames = int(root["Steps"].attrs["NSteps"])
 frame = frames - 1 if frame < 0 else frame
 count = root["PointData/id"].shape[0]
 time = root["Steps/Values"][frame]
-r = root["PointData/radius"][0]
+r = root["PointData/radius"][:count]
+species = None
+if "species" in root["PointData"]:
+    species = root["PointData/species"].attrs["names"]
+    species = (species.decode() if isinstance(species, bytes) else species).split("\n")
 x = rows("Points")
 {"vtp": vtp, "stl": stl, "raw": raw, "ovito": ovito, "lammps": lammps}[kind]()
 print(f"{path}: {kind} agrees with frame {frame} of {run}")

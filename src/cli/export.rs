@@ -29,7 +29,7 @@ pub struct ExportArgs {
     #[arg(long, default_value = "last", value_name = "last|K|all")]
     pub frame: Which,
 
-    /// raw: voxels per radius, so that a voxel is a cube with the side radius/N [default: 10]
+    /// raw: voxels per radius (the mean one), so that a voxel is a cube with the side radius/N [default: 10]
     #[arg(long, value_name = "N")]
     pub resolution: Option<f64>,
 
@@ -138,7 +138,8 @@ The image fills
 the box along the axes around what all walls enclose, from its lower corner; an open top is cut at the bed
 height, other open sides where the spheres end. A voxel outside the walls, or above the bed height where
 gravity is oblique, is 2. Shares in the header are of the voxels that are not 2.
-Positions are in m, velocities in m/s, angular velocities in 1/s. \
+Spheres have their own radii, and csv, xyz, vtp and lammps have their masses and species, if they differ.
+Positions are in m, velocities in m/s, angular velocities in 1/s, masses in kg. \
 Numbers in csv, xyz, vtp and lammps read back as the
 same doubles.";
 

@@ -165,6 +165,7 @@ Examples:
   demhybrid render settle.vtkhdf -o bed.png --colour force --range 0,200 --size 1920x1080
   demhybrid render settle.vtkhdf -o bed.png --direction 0,-1,0 --projection orthographic
   demhybrid render settle.vtkhdf -o bed.gif --frame all --size 640x480 --colour speed
+  demhybrid render mixture.vtkhdf -o mixture.png --colour species
 
 A film from numbered pictures, for example with ffmpeg:
   demhybrid render settle.vtkhdf -o bed.png --frame all --size 1920x1080

@@ -7,6 +7,7 @@
 use crate::mpirun::{Job, PACKAGE, kill};
 use crate::python::{python, run_python};
 use demhybrid::files::run_file::{RunFile, State, Which};
+use demhybrid::scene::Particles;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -173,6 +174,81 @@ fn vtk_and_numpy_read_vtp_stl_and_raw_as_the_run_has_them() {
     }
 }
 
+/// A folder with sized.vtkhdf: 60 spheres of six radii from 0.01 to 0.1 m and of three species, on a lattice
+/// in a box, with spins.
+fn sized() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let scene = "
+t_end = 0.1
+gravity = [0.0, 0.0, -9.81]
+particles = { density = 2500.0, file = 'start.csv' }
+contact = { repulsion_at_contact = 10.0, stiffness_exponent = 150.0, restitution = 0.4, \
+dissipation_focusing = 10.0, interaction_distance = 0.05 }
+friction = { coefficient = 0.3, rotation = true, regularization_velocity = 0.01 }
+container.box = { min = [0, 0, 0], max = [1, 1, inf] }
+output = { interval = 0.05 }
+";
+    fs::write(folder.path().join("sized.toml"), scene).unwrap();
+    let mut table = "x,y,z,vx,vy,vz,avx,avy,avz,radius,species\n".to_owned();
+    for k in 0..60 {
+        let place = |k: usize| 0.125 + 0.25 * k as f64;
+        let (x, y, z) = (place(k % 4), place(k / 4 % 4), place(k / 16));
+        let r = [0.1, 0.07, 0.05, 0.03, 0.02, 0.01][(k + k / 6) % 6];
+        let name = ["sand", "\"glass, \"\"clear\"\"\"", "coarse gravel"][k % 3];
+        table += &format!("{x},{y},{z},0.3,0.1,0,{k},2,3,{r},{name}\n");
+    }
+    fs::write(folder.path().join("start.csv"), table).unwrap();
+    Job::alone(folder.path(), &["sized.toml", "-q"]).run().with_code(0);
+    folder
+}
+
+#[test]
+fn a_bed_of_unequal_spheres_in_csv_starts_the_next_run_with_the_same_sizes_and_species() {
+    let folder = sized();
+    export(folder.path(), "sized.vtkhdf --to csv -o bed.csv").with_code(0);
+    let table = fs::read_to_string(folder.path().join("bed.csv")).unwrap();
+    assert_eq!(table.lines().next(), Some("x,y,z,vx,vy,vz,avx,avy,avz,radius,mass,species"));
+    let scene = fs::read_to_string(folder.path().join("sized.toml")).unwrap();
+    // The masses of the file count, not this density.
+    let next = scene.replace("density = 2500.0, file = 'start.csv'", "density = 1.0, file = 'bed.csv'");
+    fs::write(folder.path().join("next.toml"), next).unwrap();
+    Job::alone(folder.path(), &["next.toml", "-q", "--set", "t_end=0.01"]).run().with_code(0);
+    let [old, new] =
+        ["sized", "next"].map(|run| RunFile::open(&folder.path().join(run).with_extension("vtkhdf")));
+    let (old, new) = (old.unwrap(), new.unwrap());
+    let sizes = |run: &RunFile| -> Vec<[u64; 2]> {
+        run.sizes.iter().map(|size| [size.r.to_bits(), size.mass.to_bits()]).collect()
+    };
+    assert_eq!(sizes(&old), sizes(&new));
+    assert!(old.sizes.len() == 60 && old.sizes[0].r == 0.1 && old.sizes[0].mass > 10.0);
+    assert_eq!(old.species, new.species);
+    assert_eq!(old.species.unwrap().names, ["sand", "glass, \"clear\"", "coarse gravel"]);
+    let end = state(folder.path(), "sized.vtkhdf", Which::Last);
+    assert_eq!(bits(&end), bits(&state(folder.path(), "next.vtkhdf", Which::Number(0))));
+    assert_eq!(
+        new.scene.particles,
+        Particles { file: Some("bed.csv".into()), ..old.scene.particles.clone() }
+    );
+}
+
+#[test]
+fn vtk_and_numpy_read_unequal_spheres_as_the_run_has_them() {
+    let Some(python) = python() else { return };
+    let folder = sized();
+    let path = folder.path();
+    let read = |kind: &str, file: &str, more: &[&str]| {
+        let arguments = [&["sized.vtkhdf", "-1", kind, file], more].concat();
+        let said = run_python(&python, "read_exports.py", path, &arguments);
+        assert!(said.contains("agrees with frame"), "{said}");
+    };
+    export(path, "sized.vtkhdf --to vtp -o a.vtp").with_code(0);
+    read("vtp", "a.vtp", &[]);
+    export(path, "sized.vtkhdf --to stl -o a.stl").with_code(0);
+    read("stl", "a.stl", &["2"]);
+    export(path, "sized.vtkhdf --to raw --resolution 4 -o a.raw").with_code(0);
+    read("raw", "a.raw", &[]);
+}
+
 #[test]
 #[cfg(feature = "long-tests")]
 fn lammps_and_ovito_read_what_is_written_for_them() {
@@ -186,5 +262,13 @@ fn lammps_and_ovito_read_what_is_written_for_them() {
         export(path, "quick.vtkhdf --to xyz -o a.xyz --frame all").with_code(0);
         read(Path::new(&ovito), path, "3", "ovito", "a.xyz", &[]);
         read(Path::new(&ovito), path, "-1", "ovito", "a.xyz", &[]);
+    }
+    let folder = sized();
+    export(folder.path(), "sized.vtkhdf --to lammps -o a.data").with_code(0);
+    export(folder.path(), "sized.vtkhdf --to xyz -o a.xyz").with_code(0);
+    for (kind, file, more) in [("lammps", "a.data", &lammps[..]), ("ovito", "a.xyz", "1")] {
+        let arguments = ["sized.vtkhdf", "-1", kind, file, more];
+        let said = run_python(Path::new(&ovito), "read_exports.py", folder.path(), &arguments);
+        assert!(said.contains("agrees with frame"), "{said}");
     }
 }

@@ -196,3 +196,78 @@ fn mistakes_name_option_and_value_and_write_nothing() {
     let missing = Job::alone(folder.path(), &["render", "none.vtkhdf", "-o", "a.png"]).run().with_code(2);
     assert!(missing.stderr.contains("none.vtkhdf: there is no such file"), "{}", missing.stderr);
 }
+
+/// A run of three spheres at rest: one of 0.4 m, one of 0.1 m on its right, a tiny one on its left, all in a
+/// row along x; two species.
+fn sized_run() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let scene = "
+t_end = 0.1
+particles = { density = 2500.0, file = 'start.csv' }
+[contact]
+repulsion_at_contact = 10.0
+stiffness_exponent = 150.0
+restitution = 0.4
+dissipation_focusing = 10.0
+interaction_distance = 0.1
+[output]
+interval = 0.1
+";
+    fs::write(folder.path().join("two.toml"), scene).unwrap();
+    let start = "x,y,z,radius,species\n0,0,0,0.4,gravel\n0.7,0,0,0.1,sand\n-0.7,0,0,0.02,sand\n";
+    fs::write(folder.path().join("start.csv"), start).unwrap();
+    Job::alone(folder.path(), &["two.toml", "-q"]).run().with_code(0);
+    folder
+}
+
+#[test]
+fn spheres_are_drawn_with_their_own_radii_and_coloured_by_them() {
+    let folder = sized_run();
+    let front = "--size 820x460 --direction 0,-1,0 --projection orthographic --no-container";
+    render(&folder, &format!("-o a.png --plain --colour radius {front}"));
+    let (width, _, pixels) = png(&folder.path().join("a.png"));
+    // The camera shows all from x = -0.72 m to 0.8 m, in 820 columns less a margin of 19 on each side.
+    let metre = 782.0 / 1.52;
+    let middle = |x: f64| 19.0 + (x + 0.72) * metre;
+    let count = |from: f64, to: f64, is: &dyn Fn([u8; 3]) -> bool| {
+        let inside = |k: usize| (from..to).contains(&((k % width) as f64 + 0.5));
+        (0..pixels.len()).filter(|&k| inside(k) && is(pixels[k])).count() as f64
+    };
+    let inked = |pixel: [u8; 3]| pixel != WHITE;
+    for (x, r) in [(0.0, 0.4), (0.7, 0.1), (-0.7, 0.02)] {
+        let (from, to) = (middle(x - 1.1 * r), middle(x + 1.1 * r));
+        let area = std::f64::consts::PI * (r * metre).powi(2);
+        // Half of the pixels on the rim are too many.
+        let rim = std::f64::consts::TAU * r * metre;
+        let found = count(from, to, &inked);
+        assert!((found - area).abs() < rim, "{r}: {found} pixels for {area}");
+    }
+    // The largest one has the last colour, the tiny one the first.
+    let yellow = |pixel: [u8; 3]| pixel[0] > 110 && pixel[1] > 90 && pixel[2] < 100;
+    let violet = |pixel: [u8; 3]| pixel[2] > pixel[1] && pixel != WHITE && pixel[1] < 90;
+    assert!(count(middle(-0.4), middle(0.4), &yellow) > 20_000.0);
+    assert!(count(middle(-0.73), middle(-0.67), &violet) > 100.0);
+
+    render(&folder, &format!("-o b.png --colour species {front}"));
+    let (_, _, pixels) = png(&folder.path().join("b.png"));
+    // Both species have a square of their colour in the legend, and spheres of its hue: blue and orange.
+    for colour in [[78, 121, 167], [242, 142, 44]] {
+        let squares = pixels.iter().filter(|&&pixel| pixel == colour).count();
+        assert!(squares >= 16 * 16, "{colour:?}: {squares}");
+    }
+}
+
+#[test]
+fn colours_by_what_a_run_does_not_have_are_refused() {
+    let refused = |folder: &TempDir, options: &str, part: &str| {
+        let line = format!("render two.vtkhdf -o a.png {options}");
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let ended = Job::alone(folder.path(), &words).run().with_code(2);
+        assert!(ended.stderr.contains(part), "{}", ended.stderr);
+        assert!(!folder.path().join("a.png").exists());
+    };
+    let alike = run();
+    refused(&alike, "--colour radius", "--colour radius: all spheres of two.vtkhdf have the radius 0.1 m");
+    refused(&alike, "--colour species", "--colour species: the spheres of two.vtkhdf have none");
+    refused(&sized_run(), "--colour species --range 0,1", "its colours have no --range");
+}

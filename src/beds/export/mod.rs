@@ -3,6 +3,8 @@
 mod files;
 mod raw;
 mod stl;
+#[cfg(test)]
+mod testing;
 mod text;
 mod vtp;
 
@@ -14,17 +16,20 @@ use clap::ValueEnum;
 use crate::beds::measures::region::Region;
 use crate::beds::measures::request::RegionRequest;
 use crate::error::Error;
+use crate::files::output::Species;
 use crate::files::run_file::{RunFile, State};
 use crate::math::vector::Vec3;
+use crate::model::size::Sizes;
 use crate::scene::Scene;
 use files::{File, header_of, numbered};
 
 /// A file format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// Columns of positions, velocities and spins, with all digits; particles.file of a scene reads it
+    /// Columns of positions, velocities and spins, with all digits, and of radii, masses and species where
+    /// spheres have their own; particles.file of a scene reads it
     Csv,
-    /// Extended XYZ with radii and velocities, for OVITO; all frames in one file
+    /// Extended XYZ with radii, velocities and species, for OVITO; all frames in one file
     Xyz,
     /// VTK XML points, for any version of ParaView
     Vtp,
@@ -32,7 +37,7 @@ pub enum Format {
     Stl,
     /// Voxels of pore and solid, one byte each, with a JSON header in FILE.json
     Raw,
-    /// A LAMMPS data file, atom_style sphere
+    /// A LAMMPS data file, atom_style sphere, with an atom type for each species
     Lammps,
 }
 
@@ -78,7 +83,7 @@ pub struct Options {
     pub output: PathBuf,
     /// Whether to write one file for each frame, unless the format holds all frames.
     pub numbered: bool,
-    /// Voxels per radius, for a voxel image.
+    /// Voxels per radius, for a voxel image; per mean radius where radii differ.
     pub resolution: Option<f64>,
     /// The phase that is 1 in a voxel image.
     pub ones: Option<Phase>,
@@ -101,11 +106,28 @@ pub struct FrameData<'a> {
     pub scene: &'a Scene,
     /// All particles, by id.
     pub state: &'a State,
+    /// Their species, if they have any.
+    pub species: Option<&'a Species>,
 }
 
-impl FrameData<'_> {
-    /// Radius of all spheres, m.
-    fn radius(&self) -> f64 {
+impl<'a> FrameData<'a> {
+    /// Frame `state` of `run`.
+    fn of(run: &'a RunFile, state: &'a State) -> Self {
+        FrameData { scene: &run.scene, state, species: run.species.as_ref() }
+    }
+
+    /// Sizes of the spheres.
+    fn sizes(&self) -> Sizes<'a> {
+        self.state.sizes(self.scene)
+    }
+
+    /// Whether the spheres have sizes of their own.
+    fn is_sized(&self) -> bool {
+        !self.state.sizes.is_empty()
+    }
+
+    /// Radius of all spheres, or the mean radius where they differ, m.
+    fn typical_radius(&self) -> f64 {
         self.scene.particles.radius
     }
 
@@ -124,11 +146,11 @@ impl FrameData<'_> {
     /// It is the smallest one around the region, if that contains all centres.
     fn cell(&self) -> (Vec3, Vec3) {
         let x = self.centres();
-        let r = self.radius();
+        let sizes = self.sizes();
         let (low, high) = self.region().bounds();
-        x.iter().fold((low, high), |(low, high), x| {
+        x.iter().enumerate().fold((low, high), |(low, high), (i, x)| {
             let outside = |k: usize| x[k] <= low[k] || x[k] >= high[k];
-            let margin = Vec3::from_fn(|k, _| if outside(k) { r } else { 0.0 });
+            let margin = Vec3::from_fn(|k, _| if outside(k) { sizes.of(i).r } else { 0.0 });
             (low.inf(&(x - margin)), high.sup(&(x + margin)))
         })
     }
@@ -157,14 +179,14 @@ pub fn write(run: &RunFile, frames: &[u64], options: &Options) -> Result<Vec<Pat
         // Check that the images of all frames fit, before any file is written.
         for &k in frames {
             let state = run.state(k)?;
-            image(options, &FrameData { scene: &run.scene, state: &state })?;
+            image(options, &FrameData::of(run, &state))?;
         }
     }
     let mut written = Vec::new();
     let mut file = None;
     for (number, &k) in frames.iter().enumerate() {
         let state = run.state(k)?;
-        let frame = FrameData { scene: &run.scene, state: &state };
+        let frame = FrameData::of(run, &state);
         if number < targets.len() {
             finish(file.take())?;
             let target = &targets[number];

@@ -40,7 +40,8 @@ pub struct Image {
 }
 
 impl Image {
-    /// The image of all that the walls enclose, with `resolution` voxels per radius.
+    /// The image of all that the walls enclose, with `resolution` voxels per radius; per mean radius where
+    /// radii differ.
     ///
     /// The number of voxels along each axis is rounded to a whole number.
     pub fn of(frame: &FrameData, resolution: f64, ones: Phase) -> Result<Self, Error> {
@@ -49,7 +50,7 @@ impl Image {
             return Err(Error::Input("--to raw: no sphere is inside the walls, so there is no image".into()));
         }
         let (low, high) = region.bounds();
-        let spacing = frame.radius() / resolution;
+        let spacing = frame.typical_radius() / resolution;
         let along = [0, 1, 2].map(|k| ((high[k] - low[k]) / spacing).round().max(1.0));
         let voxels: f64 = along.iter().product();
         // The condition also refuses NaN.
@@ -78,14 +79,14 @@ impl Image {
     /// Writes the voxels layer by layer, with x fastest, and counts them.
     pub fn write(&self, frame: &FrameData, out: &mut dyn Write) -> io::Result<Counts> {
         let [nx, ny, nz] = self.shape;
-        let r = frame.radius();
+        let sizes = frame.sizes();
         let halves = self.region.halves();
         // A centre on a plane may fall beyond it by rounding.
         let tiny = 1e-9 * self.spacing;
         let mut spheres_from = vec![Vec::new(); nz];
         let mut last_of = Vec::with_capacity(frame.state.x.len());
         for (id, x) in frame.state.x.iter().enumerate() {
-            let layers = self.around(2, x[2], r);
+            let layers = self.around(2, x[2], sizes.of(id).r);
             last_of.push(layers.end);
             if !layers.is_empty() {
                 spheres_from[layers.start].push(id);
@@ -100,7 +101,7 @@ impl Image {
             active.extend(starting);
             layer.fill(1 - solid);
             let z = self.centre(2, k);
-            for x in active.iter().map(|&id| &frame.state.x[id]) {
+            for (x, r) in active.iter().map(|&id| (&frame.state.x[id], sizes.of(id).r)) {
                 for j in self.around(1, x[1], r) {
                     let half2 = r * r - (z - x[2]).powi(2) - (self.centre(1, j) - x[1]).powi(2);
                     if half2 >= 0.0 {
@@ -145,7 +146,7 @@ impl Image {
     pub fn header(&self, frame: &FrameData, image: &Path, counts: &Counts) -> String {
         let voxels = self.shape.iter().product::<usize>() as u64;
         let share = counts.ones as f64 / counts.inside as f64;
-        let header = serde_json::json!({
+        let mut header = serde_json::json!({
             "file": image.file_name().unwrap_or_default().to_string_lossy(),
             "shape": self.shape,
             "spacing": ([self.spacing; 3]),
@@ -161,10 +162,41 @@ impl Image {
             "share_of_ones": share,
             "porosity": if self.ones == Phase::Pore { share } else { 1.0 - share },
             "region_volume": self.region.volume(),
-            "radius": frame.radius(),
+            "radius": frame.typical_radius(),
             "frame": frame.state.frame,
             "time": frame.state.time,
         });
+        if frame.is_sized() {
+            let radii = || frame.state.sizes.iter().map(|size| size.r);
+            header["radius_is"] = "the mean".into();
+            header["smallest_radius"] = radii().fold(f64::INFINITY, f64::min).into();
+            header["largest_radius"] = radii().fold(0.0, f64::max).into();
+        }
         format!("{header:#}\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::beds::export::testing::sized;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn voxels_are_solid_within_the_radius_of_each_sphere_up_to_the_highest_point_of_any() {
+        let (scene, state, _) = sized();
+        let frame = FrameData { scene: &scene, state: &state, species: None };
+        let image = Image::of(&frame, 14.0, Phase::Solid).unwrap();
+        let mut bytes = Vec::new();
+        let counts = image.write(&frame, &mut bytes).unwrap();
+        let header: serde_json::Value =
+            serde_json::from_str(&image.header(&frame, Path::new("a.raw"), &counts)).unwrap();
+        // The largest sphere ends at 0.4 m. The mean radius is 0.17/3 m, so that a voxel has 0.17/42 m.
+        assert!((header["region_volume"].as_f64().unwrap() - 0.4).abs() < 1e-12, "{header}");
+        assert_eq!(header["shape"], serde_json::json!([247, 247, 99]));
+        assert_eq!([&header["smallest_radius"], &header["largest_radius"]], [0.02, 0.1]);
+        let cubes: f64 = [0.1f64, 0.05, 0.02].iter().map(|r| r.powi(3)).sum();
+        let volume = counts.ones as f64 * image.spacing.powi(3);
+        assert!((volume / (4.0 / 3.0 * PI * cubes) - 1.0).abs() < 0.01, "{volume}");
     }
 }

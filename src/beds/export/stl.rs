@@ -116,12 +116,13 @@ pub fn write(frame: &FrameData, subdivisions: u32, out: &mut dyn Write) -> io::R
     head[..text.len()].copy_from_slice(text);
     out.write_all(&head)?;
     out.write_all(&(triangles(frame, subdivisions) as u32).to_le_bytes())?;
-    for &x in &frame.state.x {
-        let centre = Vec3::from(x);
+    let sizes = frame.sizes();
+    for (i, &x) in frame.state.x.iter().enumerate() {
+        let (centre, r) = (Vec3::from(x), sizes.of(i).r);
         for triangle in &mesh.triangles {
             let corners = triangle.map(|k| mesh.corners[k]);
             let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0])).normalize();
-            for vector in [normal].into_iter().chain(corners.map(|corner| centre + corner * frame.radius())) {
+            for vector in [normal].into_iter().chain(corners.map(|corner| centre + corner * r)) {
                 for number in vector.iter() {
                     out.write_all(&(*number as f32).to_le_bytes())?;
                 }
@@ -155,6 +156,27 @@ mod tests {
             let equal = Mesh::of_equal_volume(subdivisions).volume() / (4.0 / 3.0 * PI);
             assert!((equal - 1.0).abs() < 1e-12, "{subdivisions}: {equal}"); // round-off of a sum
             assert!((reach(subdivisions).powi(3) * share - 1.0).abs() < 1e-12);
+        }
+    }
+    #[test]
+    fn the_triangles_of_each_sphere_have_its_own_volume() {
+        let (scene, state, _) = crate::beds::export::testing::sized();
+        let frame = FrameData { scene: &scene, state: &state, species: None };
+        let mut bytes = Vec::new();
+        write(&frame, 1, &mut bytes).unwrap();
+        let number = |at: usize| f64::from(f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()));
+        for (i, size) in state.sizes.iter().enumerate() {
+            let mut volume = 0.0;
+            for triangle in 80 * i..80 * (i + 1) {
+                let corner = |k: usize| {
+                    let at = 84 + 50 * triangle + 12 * (k + 1);
+                    Vec3::from_fn(|axis, _| number(at + 4 * axis)) - Vec3::from(state.x[i])
+                };
+                volume += corner(0).dot(&corner(1).cross(&corner(2))) / 6.0;
+            }
+            // Coordinates have single precision.
+            let share = volume / (4.0 / 3.0 * PI * size.r.powi(3));
+            assert!((share - 1.0).abs() < 1e-5, "{i}: {share}");
         }
     }
 }

@@ -14,12 +14,26 @@ pub fn write(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
          <VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\">\n<PolyData>\n\
          <FieldData>\n\
          <DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{:?}\
-         </DataArray>\n</FieldData>\n<Piece NumberOfPoints=\"{n}\" NumberOfVerts=\"{n}\" NumberOfLines=\"0\" \
-         NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n<PointData Scalars=\"radius\" Vectors=\"velocity\">",
+         </DataArray>",
         state.time
     )?;
+    if let Some(species) = frame.species {
+        names(out, &species.names)?;
+    }
+    writeln!(
+        out,
+        "</FieldData>\n<Piece NumberOfPoints=\"{n}\" NumberOfVerts=\"{n}\" NumberOfLines=\"0\" \
+         NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n<PointData Scalars=\"radius\" Vectors=\"velocity\">"
+    )?;
     integers(out, "id", 0..n)?;
-    array(out, "Float64", "radius", 1, |out| (0..n).try_for_each(|_| writeln!(out, "{:?}", frame.radius())))?;
+    let sizes = frame.sizes();
+    numbers(out, "radius", (0..n).map(|k| sizes.of(k).r))?;
+    if frame.is_sized() {
+        numbers(out, "mass", (0..n).map(|k| sizes.of(k).mass))?;
+    }
+    if let Some(species) = frame.species {
+        numbers(out, "species", species.of.iter().map(|&index| f64::from(index)))?;
+    }
     vectors(out, "velocity", &state.v)?;
     if let Some(omega) = &state.omega {
         vectors(out, "angular_velocity", omega)?;
@@ -30,6 +44,27 @@ pub fn write(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     integers(out, "connectivity", 0..n)?;
     integers(out, "offsets", 1..n + 1)?;
     writeln!(out, "</Verts>\n</Piece>\n</PolyData>\n</VTKFile>")
+}
+
+/// Writes the names of species 0, 1, ... as the field `species_names`: bytes of text, each name ended by 0.
+fn names(out: &mut dyn Write, names: &[String]) -> io::Result<()> {
+    writeln!(
+        out,
+        "<Array type=\"String\" Name=\"species_names\" NumberOfTuples=\"{}\" format=\"ascii\">",
+        names.len()
+    )?;
+    for name in names {
+        name.bytes().try_for_each(|byte| write!(out, "{byte} "))?;
+        writeln!(out, "0")?;
+    }
+    writeln!(out, "</Array>")
+}
+
+fn numbers(out: &mut dyn Write, name: &str, numbers: impl Iterator<Item = f64>) -> io::Result<()> {
+    array(out, "Float64", name, 1, |out| {
+        let mut numbers = numbers;
+        numbers.try_for_each(|number| writeln!(out, "{number:?}"))
+    })
 }
 
 fn integers(out: &mut dyn Write, name: &str, numbers: std::ops::Range<usize>) -> io::Result<()> {

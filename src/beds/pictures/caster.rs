@@ -9,11 +9,12 @@ use rayon::prelude::*;
 
 use super::camera::{Ball, Camera, Ray};
 use super::edges::Edge;
-use super::light::{Lamps, Light, SHADOW_RANGE, encoded, linear};
+use super::light::{Lamps, Light, encoded, linear};
 use super::options::Size;
 use super::picture::Picture;
-use super::quantity::lists;
+use super::shadows::Shadows;
 use crate::math::vector::Vec3;
+use crate::model::size::Sizes;
 
 /// Side of a tile, pixels.
 const TILE: usize = 32;
@@ -29,8 +30,8 @@ const SMALL: f64 = 2.5;
 pub struct Subject<'a> {
     /// Centres, m.
     pub x: &'a [Vec3],
-    /// Radius of all spheres, m.
-    pub r: f64,
+    /// Sizes of the spheres.
+    pub sizes: Sizes<'a>,
     /// Colour of each sphere, sRGB.
     pub colours: &'a [[u8; 3]],
     /// Edges of the container.
@@ -84,12 +85,7 @@ struct Stage<'a> {
     background: Light,
     ink: Light,
     lamps: Lamps,
-    /// Centres in camera coordinates, by id.
-    centres: Vec<Vec3>,
-    /// The neighbours of i are `neighbours[starts[i]..starts[i + 1]]`.
-    starts: Vec<u32>,
-    neighbours: Vec<u32>,
-    r: f64,
+    shadows: Shadows<'a>,
 }
 
 /// Draws `subject` for `camera`.
@@ -115,18 +111,18 @@ pub fn draw(subject: &Subject, camera: &Camera, size: Size) -> Picture {
 }
 
 impl<'a> Stage<'a> {
-    fn new(subject: &Subject, camera: &'a Camera, size: Size) -> Self {
+    fn new(subject: &Subject<'a>, camera: &'a Camera, size: Size) -> Self {
         let centres: Vec<Vec3> = subject.x.iter().map(|x| camera.coordinates(x)).collect();
         let mut bodies: Vec<Body> = centres
             .iter()
             .zip(0..)
             .map(|(x, id)| {
                 let distance = if camera.is_perspective() { x.norm() } else { x.z };
-                Body { ball: (*x, subject.r), nearest: distance - subject.r, id }
+                let r = subject.sizes.of(id as usize).r;
+                Body { ball: (*x, r), nearest: distance - r, id }
             })
             .collect();
         bodies.sort_by(|a, b| a.nearest.total_cmp(&b.nearest).then(a.id.cmp(&b.id)));
-        let (starts, neighbours) = neighbours(subject.x, SHADOW_RANGE * subject.r);
         Stage {
             camera,
             bodies,
@@ -136,10 +132,7 @@ impl<'a> Stage<'a> {
             background: linear(subject.background),
             ink: linear(subject.ink),
             lamps: Lamps::new(camera.turned(&subject.up)),
-            centres,
-            starts,
-            neighbours,
-            r: subject.r,
+            shadows: Shadows::new(subject.x, centres, subject.sizes),
         }
     }
 
@@ -268,11 +261,11 @@ impl<'a> Stage<'a> {
     fn shade(&self, ray: &Ray, (t, body): (f64, u32)) -> Light {
         let body = &self.bodies[body as usize];
         let point = ray.origin + ray.along * t;
-        let normal = (point - body.ball.0) / self.r;
+        let (centre, r) = body.ball;
+        let normal = (point - centre) / r;
         let i = body.id as usize;
-        let near = &self.neighbours[self.starts[i] as usize..self.starts[i + 1] as usize];
-        let around = near.iter().map(|&j| self.centres[j as usize] - point);
-        self.lamps.shade(self.lights[i], &normal, &ray.along, around, self.r)
+        let around = |visit: &mut dyn FnMut(Vec3, f64)| self.shadows.for_each(i, &point, visit);
+        self.lamps.shade(self.lights[i], &normal, &ray.along, around)
     }
 
     fn has_line(&self, tile: &Tile, column: f64, row: f64) -> bool {
@@ -323,32 +316,4 @@ impl Line {
         }
         self.edge.strength(self.shares[0] + (self.shares[1] - self.shares[0]) * u)
     }
-}
-
-/// For every centre, the other centres within `cutoff` (m), by ascending id.
-///
-/// In the second list, entries `starts[i]` to `starts[i + 1]` belong to centre i. `starts` is the first list.
-fn neighbours(x: &[Vec3], cutoff: f64) -> (Vec<u32>, Vec<u32>) {
-    let lists = lists(x, cutoff, &[], 0.0);
-    let pairs = || lists.blocks.iter().flat_map(|block| block.first_pairs());
-    let mut starts = vec![0; x.len() + 1];
-    for [i, j] in pairs() {
-        starts[i + 1] += 1;
-        starts[j + 1] += 1;
-    }
-    for i in 0..x.len() {
-        starts[i + 1] += starts[i];
-    }
-    let mut fill = starts.clone();
-    let mut neighbours = vec![0; starts[x.len()] as usize];
-    for [i, j] in pairs() {
-        for (a, b) in [(i, j), (j, i)] {
-            neighbours[fill[a] as usize] = b as u32;
-            fill[a] += 1;
-        }
-    }
-    for i in 0..x.len() {
-        neighbours[starts[i] as usize..starts[i + 1] as usize].sort_unstable();
-    }
-    (starts, neighbours)
 }

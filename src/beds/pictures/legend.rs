@@ -1,9 +1,10 @@
-//! The legend: a colour bar with title, unit and ticks, and the time.
+//! The legend: a colour bar with title, unit and ticks, or the names of species; and the time.
 
 use super::camera::Frame;
 use super::options::{Limits, Size};
 use super::picture::{Font, Picture};
 use super::quantity::Quantity;
+use super::species::Key;
 use crate::error::Error;
 
 /// Positions of the legend and the spheres in the picture.
@@ -15,10 +16,17 @@ pub struct Layout {
     margin: usize,
     /// Left end of the column of the legend; `None`: there is no legend.
     column: Option<usize>,
-    bar: Option<Bar>,
+    contents: Option<Contents>,
 }
 
 /// The contents of the legend.
+#[derive(Debug, Clone, PartialEq)]
+enum Contents {
+    Bar(Bar),
+    Key(Key),
+}
+
+/// A colour bar.
 #[derive(Debug, Clone, PartialEq)]
 struct Bar {
     title: String,
@@ -30,23 +38,35 @@ struct Bar {
 impl Layout {
     /// The layout of pictures of `size` that show `quantity` between `limits`.
     ///
-    /// If `plain`, there is no legend. `time` is the longest label of a time.
+    /// If `plain`, there is no legend. `species` are the names of the species, for pictures that show them.
+    /// `time` is the longest label of a time.
     pub fn new(
         size: Size,
         quantity: Quantity,
         limits: Limits,
+        species: &[String],
         plain: bool,
         time: &str,
     ) -> Result<Self, Error> {
         let font = Font::for_picture(size);
         let margin = (size.height.min(size.width) / 24).max(1);
-        let bar = (quantity != Quantity::None && !plain).then(|| Bar::new(quantity, limits));
-        let mut layout = Layout { frame: [0.0; 4], font, margin, column: None, bar };
+        let contents = match quantity {
+            _ if plain => None,
+            Quantity::None => None,
+            Quantity::Species => Some(Contents::Key(Key::new(species))),
+            _ => Some(Contents::Bar(Bar::new(quantity, limits))),
+        };
+        let mut layout = Layout { frame: [0.0; 4], font, margin, column: None, contents };
         let mut right = size.width - margin;
-        if let Some(bar) = &layout.bar {
-            let labels = bar.ticks.iter().map(|(_, label)| label.len()).max().unwrap_or(0);
-            let widest = (font.width() * bar.title.len().max(time.len()))
-                .max(layout.bar_width() + font.width() * (labels + 2));
+        if let Some(contents) = &layout.contents {
+            let (title, width) = match contents {
+                Contents::Bar(bar) => {
+                    let labels = bar.ticks.iter().map(|(_, label)| label.len()).max().unwrap_or(0);
+                    (&bar.title[..], layout.bar_width() + font.width() * (labels + 2))
+                }
+                Contents::Key(key) => (Key::TITLE, key.width(font)),
+            };
+            let widest = (font.width() * title.len().max(time.len())).max(width);
             let column = size.width.saturating_sub(widest + margin);
             if column < size.width / 3 || size.height < 12 * font.height() {
                 return Err(Error::Input(format!(
@@ -83,8 +103,16 @@ impl Layout {
         if let Some(time) = time {
             picture.write(font, self.column.unwrap_or(self.margin), self.margin, time, ink);
         }
-        let (Some(column), Some(bar)) = (self.column, &self.bar) else { return };
+        let (Some(column), Some(contents)) = (self.column, &self.contents) else { return };
         let (top, bottom) = self.ends(picture.size);
+        let bar = match contents {
+            Contents::Bar(bar) => bar,
+            Contents::Key(key) => {
+                picture.write(font, column, top - 2 * font.height(), Key::TITLE, ink);
+                key.draw(picture, font, column, [top, height - self.margin], ink);
+                return;
+            }
+        };
         let right = column + self.bar_width();
         let line = font.height().div_ceil(16);
         picture.write(font, column, top - 2 * font.height(), &bar.title, ink);
@@ -221,6 +249,7 @@ mod tests {
                 Size { width, height },
                 Quantity::Height,
                 Limits { low: 0.0, high: 1.0 },
+                &[],
                 plain,
                 "t = 1 s",
             )

@@ -7,7 +7,7 @@ use crate::math::vector::Vec3;
 /// Linear red, green and blue, 0 to 1.
 pub type Light = [f32; 3];
 
-/// Distance, in radii, beyond which the centre of a neighbour casts no shadow.
+/// Distance, in its own radii, beyond which a neighbour casts no shadow.
 pub const SHADOW_RANGE: f64 = 4.0;
 
 /// Strengths of the key light, the sky and a lamp at the camera, on a surface that faces them.
@@ -35,25 +35,24 @@ impl Lamps {
 
     /// The colour of a point on a surface with the given `colour` and unit `normal`.
     ///
-    /// `along` is the direction of the ray that hits it. `around` has the centres of the balls around it,
-    /// relative to the point. All have the radius `r` (m).
+    /// `along` is the direction of the ray that hits it. `around` calls what it is given for the balls around
+    /// the point: their centres relative to it, and their radii, m.
     pub fn shade(
         &self,
         colour: Light,
         normal: &Vec3,
         along: &Vec3,
-        around: impl Iterator<Item = Vec3>,
-        r: f64,
+        around: impl FnOnce(&mut dyn FnMut(Vec3, f64)),
     ) -> Light {
         let (mut sky, mut key) = (1.0, 1.0);
-        for away in around {
+        around(&mut |away, r| {
             let d2 = away.norm_squared();
             // The centre of a neighbour may coincide with the point.
             let d = d2.sqrt().max(1e-9 * r);
             let far = ((SHADOW_RANGE * r - d) / r).clamp(0.0, 1.0);
             sky *= 1.0 - 0.9 * far * hidden(normal.dot(&away) / d, d / r);
             key *= 1.0 - far * shadow(&self.key, &away, d2, r);
-        }
+        });
         let facing = normal.dot(&self.key).max(0.0);
         let from_sky = SKY * (0.75 + 0.25 * normal.dot(&self.up)) + FRONT * -normal.dot(along);
         let half = (self.key - along).normalize();
@@ -126,8 +125,10 @@ mod tests {
     fn a_neighbour_darkens_what_faces_it_and_nothing_else() {
         let lamps = Lamps::new(Vec3::y());
         let normal = Vec3::new(0.0, 1.0, 0.0);
-        let brightness =
-            |around: &[Vec3]| lamps.shade([0.5; 3], &normal, &Vec3::z(), around.iter().copied(), 1.0)[0];
+        let brightness = |around: &[Vec3]| {
+            let each = |visit: &mut dyn FnMut(Vec3, f64)| around.iter().for_each(|&away| visit(away, 1.0));
+            lamps.shade([0.5; 3], &normal, &Vec3::z(), each)[0]
+        };
         let free = brightness(&[]);
         assert!(brightness(&[Vec3::new(0.0, 1.2, 0.0)]) < 0.7 * free);
         assert_eq!(brightness(&[Vec3::new(0.0, -2.0, 0.0)]), free);

@@ -4,7 +4,8 @@
 //! the edges of the container. A second pass draws the frames one by one.
 //!
 //! `camera` places the camera and makes rays, `caster` finds what they hit, and `light` computes colours.
-//! `quantity` defines what colours mean, `legend` draws the legend, and `film` writes files.
+//! `shadows` finds the spheres around a point. `quantity` defines what colours mean, `species` has those of
+//! species, `legend` draws the legend, and `film` writes files.
 
 mod camera;
 mod caster;
@@ -15,10 +16,12 @@ mod light;
 mod options;
 mod picture;
 mod quantity;
+mod shadows;
+mod species;
 #[cfg(test)]
 mod tests;
 
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 pub use options::{Background, Limits, Projection, Size};
@@ -27,7 +30,9 @@ pub use quantity::Quantity;
 
 use crate::beds::measures::region::Upright;
 use crate::error::Error;
+use crate::files::output::Species;
 use crate::files::run_file::{RunFile, State};
+use crate::math::digits::short;
 use crate::math::polyhedron::across;
 use crate::math::vector::Vec3;
 use crate::scene;
@@ -114,6 +119,7 @@ pub fn draw(run_file: &RunFile, frames: &[u64], options: &Options) -> Result<Vec
 /// Everything that is the same in all pictures.
 struct Studio<'a> {
     scene: &'a scene::Scene,
+    species: Option<&'a Species>,
     quantity: Quantity,
     limits: Limits,
     size: Size,
@@ -131,13 +137,8 @@ struct Studio<'a> {
 impl<'a> Studio<'a> {
     fn new(options: &Options, run_file: &'a RunFile, frames: &[u64]) -> Result<Self, Error> {
         let scene = &run_file.scene;
-        if options.colour == Quantity::Spin && !scene.rotates() {
-            return Err(Error::Input(format!(
-                "--colour spin: the spheres of {} do not rotate; \
-                 choose height, speed, force, overlap or none",
-                run_file.path().display()
-            )));
-        }
+        let species = run_file.species.as_ref();
+        check_colour(options, run_file)?;
         let upright = Upright::of(scene);
         let upwards = upright.up;
         let survey = Survey::new(run_file, frames, options.colour, &upright)?;
@@ -145,7 +146,8 @@ impl<'a> Studio<'a> {
             options.range.unwrap_or_else(|| options.colour.limits(survey.values[0], survey.values[1]));
         let interval = scene.output.interval.unwrap_or(scene.t_end / 100.0);
         let time = time_label(survey.last_time, interval);
-        let layout = Layout::new(options.size, options.colour, limits, options.plain, &time)?;
+        let names = species.map_or(&[][..], |species| &species.names);
+        let layout = Layout::new(options.size, options.colour, limits, names, options.plain, &time)?;
         let edges = match options.no_container {
             true => Vec::new(),
             false => edges::edges(&scene::walls::walls(&scene.container), &upright, &survey.ends),
@@ -164,6 +166,7 @@ impl<'a> Studio<'a> {
         let camera = Camera::new(&wanted, &balls, options.size, layout.frame)?;
         Ok(Studio {
             scene,
+            species,
             quantity: options.colour,
             limits,
             size: options.size,
@@ -191,15 +194,18 @@ impl<'a> Studio<'a> {
 
     fn picture(&self, state: &State) -> Picture {
         let x: Vec<Vec3> = state.x.iter().map(|&x| x.into()).collect();
-        let values = self.quantity.values(self.scene, state, &self.upright);
-        let colours: Vec<[u8; 3]> =
-            values.iter().map(|&value| self.colour(self.limits.share(value))).collect();
+        let values = self.quantity.values(self.scene, state, self.species, &self.upright);
+        let of_value = |&value: &f64| match self.quantity {
+            Quantity::Species => species::colour(value as usize),
+            _ => self.colour(self.limits.share(value)),
+        };
+        let colours: Vec<[u8; 3]> = values.iter().map(of_value).collect();
         let [r, g, b] = light::linear(self.background);
         let is_bright = 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.18;
         let (ink, edge) = if is_bright { ([24; 3], [96; 3]) } else { ([236; 3], [168; 3]) };
         let subject = Subject {
             x: &x,
-            r: self.scene.particles.radius,
+            sizes: state.sizes(self.scene),
             colours: &colours,
             edges: &self.edges,
             up: self.up,
@@ -237,6 +243,29 @@ impl<'a> Studio<'a> {
     }
 }
 
+/// Refuses colours for what the spheres of the run do not have.
+fn check_colour(options: &Options, run_file: &RunFile) -> Result<(), Error> {
+    let refuse = |why: String| Err(Error::Input(format!("--colour {why}")));
+    let (run, choice) = (run_file.path().display(), "choose height, speed, force, overlap or none");
+    match options.colour {
+        Quantity::Spin if !run_file.scene.rotates() => {
+            refuse(format!("spin: the spheres of {run} do not rotate; {choice}"))
+        }
+        Quantity::Radius if run_file.sizes.iter().all(|size| size.r == run_file.sizes[0].r) => {
+            let r = short(run_file.scene.particles.radius);
+            refuse(format!("radius: all spheres of {run} have the radius {r} m; {choice}"))
+        }
+        Quantity::Species if run_file.species.is_none() => refuse(format!(
+            "species: the spheres of {run} have none; a column species in particles.file would name them, or \
+             {choice}"
+        )),
+        Quantity::Species if options.range.is_some() => {
+            refuse("species: its colours have no --range; leave that out".to_owned())
+        }
+        _ => Ok(()),
+    }
+}
+
 /// The default direction to the camera. If z is up, it is in front (-y), to the right (x) and above.
 fn from_the_front(up: &Vec3) -> Vec3 {
     let (right, away) = across(up);
@@ -257,31 +286,32 @@ struct Survey {
 impl Survey {
     fn new(run_file: &RunFile, frames: &[u64], quantity: Quantity, upright: &Upright) -> Result<Self, Error> {
         let ways = upright.ways();
-        let r = run_file.scene.particles.radius;
         let mut survey = Survey {
             balls: Vec::new(),
             ends: [f64::NEG_INFINITY; 6],
             values: [f64::INFINITY, f64::NEG_INFINITY],
             last_time: 0.0,
         };
-        let mut cells = HashSet::new();
+        let mut kept = Kept::default();
         for &frame in frames {
             let state = run_file.state(frame)?;
-            for x in state.x.iter().map(|&x| Vec3::from(x)) {
+            let sizes = state.sizes(&run_file.scene);
+            for (i, x) in state.x.iter().map(|&x| Vec3::from(x)).enumerate() {
                 if !x.iter().all(|c| c.is_finite()) {
                     return Err(
                         run_file.unreadable(&format!("frame {frame} has a position that is no number"))
                     );
                 }
+                let r = sizes.of(i).r;
                 for (end, way) in survey.ends.iter_mut().zip(&ways) {
                     *end = end.max(way.dot(&x) + r);
                 }
-                // With several frames, keep one sphere for each small cell.
-                if frames.len() == 1 || cells.insert([0, 1, 2].map(|k| (4.0 * x[k] / r).floor() as i64)) {
-                    survey.balls.push((x, r));
+                match frames.len() {
+                    1 => survey.balls.push((x, r)),
+                    _ => kept.add((x, r), &mut survey.balls),
                 }
             }
-            for value in quantity.values(&run_file.scene, &state, upright) {
+            for value in quantity.values(&run_file.scene, &state, run_file.species.as_ref(), upright) {
                 survey.values = [survey.values[0].min(value), survey.values[1].max(value)];
             }
             survey.last_time = state.time;
@@ -290,5 +320,53 @@ impl Survey {
             return Err(run_file.unreadable("it holds no spheres"));
         }
         Ok(survey)
+    }
+}
+
+/// Which of the balls of many frames are kept: one for each small cell and octave of radii.
+#[derive(Default)]
+struct Kept {
+    /// The radius of the first ball, m, from which octaves are counted.
+    first: f64,
+    /// Index of the ball for an octave and a cell.
+    places: HashMap<(i32, [i64; 3]), usize>,
+}
+
+impl Kept {
+    /// Adds a ball to `balls`, unless there is one that is as large, a quarter of the radius away at most
+    /// along each axis.
+    fn add(&mut self, (x, r): Ball, balls: &mut Vec<Ball>) {
+        if balls.is_empty() {
+            self.first = r;
+        }
+        let octave = (r / self.first).log2().floor() as i32;
+        let side = 0.25 * self.first * f64::from(octave).exp2();
+        let cell = [0, 1, 2].map(|k| (x[k] / side).floor() as i64);
+        let place = *self.places.entry((octave, cell)).or_insert(balls.len());
+        if place == balls.len() {
+            balls.push((x, r));
+        } else if r > balls[place].1 {
+            balls[place] = (x, r);
+        }
+    }
+}
+
+#[cfg(test)]
+mod kept {
+    use super::*;
+
+    #[test]
+    fn of_the_balls_of_many_frames_the_largest_in_a_cell_is_kept_in_each_octave() {
+        let (mut kept, mut balls) = (Kept::default(), Vec::new());
+        let at = |x: f64| Vec3::new(x, 0.0, 0.0);
+        for ball in [(at(0.1), 1.0), (at(0.2), 1.0), (at(0.15), 1.5), (at(0.16), 1.2), (at(0.3), 1.0)] {
+            kept.add(ball, &mut balls);
+        }
+        assert_eq!(balls, [(at(0.15), 1.5), (at(0.3), 1.0)]);
+        // Small ones in the same place stay, and have smaller cells.
+        for ball in [(at(0.1), 0.01), (at(0.1), 2.5), (at(0.11), 0.01)] {
+            kept.add(ball, &mut balls);
+        }
+        assert_eq!(balls[2..], [(at(0.1), 0.01), (at(0.1), 2.5), (at(0.11), 0.01)]);
     }
 }

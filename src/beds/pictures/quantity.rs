@@ -4,6 +4,7 @@ use clap::ValueEnum;
 
 use crate::beds::measures::region::Upright;
 use crate::engine::neighbors::{Lists, Reach};
+use crate::files::output::Species;
 use crate::files::run_file::State;
 use crate::math::elementary::Separate;
 use crate::math::vector::Vec3;
@@ -26,6 +27,10 @@ pub enum Quantity {
     Force,
     /// Deepest overlap with a sphere or a wall, m
     Overlap,
+    /// Radius, m, where radii differ
+    Radius,
+    /// Species, a colour for each, where the particle file names them
+    Species,
     /// Nothing: all spheres have the same colour
     None,
 }
@@ -39,12 +44,21 @@ impl Quantity {
             Quantity::Spin => ("spin", "rad/s"),
             Quantity::Force => ("normal force", "N"),
             Quantity::Overlap => ("overlap", "m"),
+            Quantity::Radius => ("radius", "m"),
+            Quantity::Species => ("species", ""),
             Quantity::None => ("", ""),
         }
     }
 
-    /// The value for every sphere of a frame. For spins, the frame must have them.
-    pub fn values(self, scene: &Scene, state: &State, upright: &Upright) -> Vec<f64> {
+    /// The value for every sphere of a frame; of a species its index. For spins and for species, the run must
+    /// have them.
+    pub fn values(
+        self,
+        scene: &Scene,
+        state: &State,
+        species: Option<&Species>,
+        upright: &Upright,
+    ) -> Vec<f64> {
         let norms = |vectors: &[[f64; 3]]| vectors.iter().map(|v| Vec3::from(*v).norm()).collect();
         match self {
             Quantity::Height => state.x.iter().map(|x| upright.height(&Vec3::from(*x))).collect(),
@@ -63,31 +77,31 @@ impl Quantity {
                 for_each_contact(scene, state, 0.0, |i, gap, _, _| deepest[i] = f64::max(deepest[i], -gap));
                 deepest
             }
+            Quantity::Radius => {
+                let sizes = state.sizes(scene);
+                (0..state.x.len()).map(|i| sizes.of(i).r).collect()
+            }
+            Quantity::Species => {
+                let species = species.expect("the caller has looked for species");
+                species.of.iter().map(|&index| f64::from(index)).collect()
+            }
             Quantity::None => vec![0.0; state.x.len()],
         }
     }
 
-    /// The limits of the legend for values from `low` to `high`. All quantities except heights begin at 0.
+    /// The limits of the legend for values from `low` to `high`. All quantities except heights and radii
+    /// begin at 0.
     pub fn limits(self, low: f64, high: f64) -> Limits {
         // A force may overflow, so the legend has an upper limit.
-        let (low, high) = (if self == Quantity::Height { low } else { 0.0 }, high.min(1e300));
+        let from_low = matches!(self, Quantity::Height | Quantity::Radius);
+        let (low, high) = (if from_low { low } else { 0.0 }, high.min(1e300));
         if high - low > 1e-9 * high.abs().max(low.abs()) {
             Limits { low, high }
         } else {
             let room = if high == 0.0 { 1.0 } else { 0.5 * high.abs() };
-            Limits { low: low - if self == Quantity::Height { room } else { 0.0 }, high: high + room }
+            Limits { low: low - if from_low { room } else { 0.0 }, high: high + room }
         }
     }
-}
-
-/// Pairs of centres within `cutoff` (m), and walls within `wall_cutoff` (m) of a centre, in a fixed order.
-///
-/// The ids of the centres are their indices in `x`.
-pub fn lists(x: &[Vec3], cutoff: f64, walls: &[crate::model::wall::Wall], wall_cutoff: f64) -> Lists {
-    let keys: Vec<_> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
-    let mut lists = Lists::default();
-    lists.rebuild(x, &keys, x.len(), Reach::of_centres(cutoff, wall_cutoff), walls, 1);
-    lists
 }
 
 /// Calls `visit(i, gap, n, v_rel)` for every sphere i of every contact with a gap of at most `widest` (m).
@@ -99,22 +113,27 @@ fn for_each_contact(
     widest: f64,
     mut visit: impl FnMut(usize, f64, &Vec3, &Vec3),
 ) {
-    let r = scene.particles.radius;
+    let sizes = state.sizes(scene);
+    let r = |i: usize| sizes.of(i).r;
     let walls = crate::scene::walls::walls(&scene.container);
     let x: Vec<Vec3> = state.x.iter().map(|&x| x.into()).collect();
     let v = |i: usize| Vec3::from(state.v[i]);
-    for block in &lists(&x, 2.0 * r + widest, &walls, r + widest).blocks {
+    let keys: Vec<_> = (0..x.len() as u64).map(|id| ([0; 3], id)).collect();
+    let mut lists = Lists::default();
+    lists.rebuild(&x, &keys, x.len(), Reach { sizes, shares: [1.0; 2], gaps: [widest; 2] }, &walls, 1);
+    for block in &lists.blocks {
         for [i, j] in block.first_pairs() {
             let apart = x[i] - x[j];
             let d = apart.norm();
             // The centres coincide, so any direction will do.
             let n = if d > 0.0 { apart / d } else { Vec3::z() };
             let v_rel = v(i) - v(j);
-            visit(i, d - 2.0 * r, &n, &v_rel);
-            visit(j, d - 2.0 * r, &-n, &-v_rel);
+            let gap = d - (r(i) + r(j));
+            visit(i, gap, &n, &v_rel);
+            visit(j, gap, &-n, &-v_rel);
         }
         for [i, k] in block.wall_contacts() {
-            visit(i, walls[k].depth(&x[i]) - r, &-walls[k].normal, &v(i));
+            visit(i, walls[k].depth(&x[i]) - r(i), &-walls[k].normal, &v(i));
         }
     }
 }
@@ -123,6 +142,7 @@ fn for_each_contact(
 mod tests {
     use super::*;
     use crate::beds::measures::testing;
+    use crate::model::size::Size;
 
     /// Two spheres of radius 0.1 m. The lower one overlaps the floor by 0.01 m and the upper one by 0.02 m.
     fn pair() -> (Scene, State) {
@@ -153,7 +173,7 @@ mod tests {
     #[test]
     fn values_are_those_of_the_spheres() {
         let (scene, state) = pair();
-        let values = |quantity: Quantity| quantity.values(&scene, &state, &Upright::of(&scene));
+        let values = |quantity: Quantity| quantity.values(&scene, &state, None, &Upright::of(&scene));
         close(&values(Quantity::Height), &[0.09, 0.27]);
         close(&values(Quantity::Speed), &[0.0, 5.0]);
         close(&values(Quantity::Spin), &[0.0, 2.0]);
@@ -166,9 +186,26 @@ mod tests {
     }
 
     #[test]
+    fn contacts_of_unequal_spheres_have_the_radii_of_both() {
+        let (scene, mut state) = pair();
+        // The lower one has a radius of 0.08 m and overlaps nothing below; the upper one 0.105 m.
+        state.sizes = [Size::new(0.08, 1.0), Size::new(0.105, 2.0)].into();
+        let species = Species { names: vec!["a".into(), "b".into()], of: vec![1, 0] };
+        let values =
+            |quantity: Quantity| quantity.values(&scene, &state, Some(&species), &Upright::of(&scene));
+        close(&values(Quantity::Overlap), &[0.005, 0.005]);
+        close(&values(Quantity::Radius), &[0.08, 0.105]);
+        close(&values(Quantity::Species), &[1.0, 0.0]);
+        let floor = 10.0 * (-150.0 * 0.01f64).exp() * (1.0 + 0.16) / 2.0;
+        let pair = 10.0 * (150.0 * 0.005f64).exp() * (0.16 + 0.84 / (1.0 + (20.0 * 4.0f64).exp()));
+        close(&values(Quantity::Force), &[floor + pair, pair]);
+    }
+
+    #[test]
     fn a_legend_has_two_different_ends() {
         assert_eq!(Quantity::Speed.limits(2.0, 5.0), Limits { low: 0.0, high: 5.0 });
         assert_eq!(Quantity::Height.limits(2.0, 5.0), Limits { low: 2.0, high: 5.0 });
+        assert_eq!(Quantity::Radius.limits(0.1, 0.3), Limits { low: 0.1, high: 0.3 });
         assert_eq!(Quantity::Speed.limits(0.0, 0.0), Limits { low: 0.0, high: 1.0 });
         assert_eq!(Quantity::Force.limits(1.0, f64::INFINITY), Limits { low: 0.0, high: 1e300 });
         assert_eq!(Quantity::Height.limits(3.0, 3.0), Limits { low: 1.5, high: 4.5 });

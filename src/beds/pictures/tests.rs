@@ -6,6 +6,7 @@ use super::edges::Edge;
 use super::options::{Projection, Size};
 use super::picture::{Font, Picture};
 use crate::math::vector::Vec3;
+use crate::model::size::{self, Sizes};
 
 const WHITE: [u8; 3] = [255; 3];
 const RED: [u8; 3] = [230, 20, 20];
@@ -27,7 +28,8 @@ fn shown(
     let frame = [0.0, 0.0, size.width as f64, size.height as f64];
     let camera = Camera::new(&wanted, &balls, size, frame).unwrap();
     let (background, ink) = (WHITE, [96; 3]);
-    let subject = Subject { x: &x, r: 1.0, colours: &colours, edges, up, background, ink };
+    let sizes = Sizes::Equal(size::Size::new(1.0, 1.0));
+    let subject = Subject { x: &x, sizes, colours: &colours, edges, up, background, ink };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool.install(|| draw(&subject, &camera, size))
 }

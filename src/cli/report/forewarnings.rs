@@ -6,6 +6,7 @@ use crate::error::Error;
 use crate::math::digits::{at_least, at_most, rough, short};
 use crate::math::vector::Vec3;
 use crate::model::effects::FrictionLaw;
+use crate::model::size::{Size, Sizes};
 use crate::model::wall::Wall;
 use crate::ode::NormName;
 use crate::scene::initial_condition::overlaps::{DEEP, Overlaps, Partner, overlaps};
@@ -19,8 +20,8 @@ pub fn forewarnings(scene: &Scene, start: &InitialCondition) -> Vec<String> {
     let mut warnings = double_wall_warnings(scene);
     warnings.extend(unused_key_warnings(scene));
     warnings.extend(unread_column_warning(scene, start));
-    warnings.extend(cut_force_warning(scene));
-    warnings.extend(soft_contact_warning(scene));
+    warnings.extend(cut_force_warning(scene, start));
+    warnings.extend(soft_contact_warning(scene, start));
     warnings.extend(overlap_warning(scene, start));
     warnings.extend(wall_barrier_warning(scene, start));
     warnings.extend(pair_barrier_warning(scene, start));
@@ -44,8 +45,8 @@ fn unread_column_warning(scene: &Scene, start: &InitialCondition) -> Option<Stri
     let columns = if unread.len() == 1 { "column" } else { "columns" };
     (!unread.is_empty()).then(|| {
         format!(
-            "warning: {}: nobody reads the {columns} {names}{more}: particles.file takes x,y,z, vx,vy,vz and \
-             avx,avy,avz",
+            "warning: {}: nobody reads the {columns} {names}{more}: particles.file takes x,y,z, vx,vy,vz, \
+             avx,avy,avz, radius, mass or density, and species",
             shown(file)
         )
     })
@@ -79,14 +80,19 @@ fn gravity(scene: &Scene) -> f64 {
 }
 
 /// Warns if `l_max` cuts off a force that is not small, and names an `l_max` that is large enough.
-fn cut_force_warning(scene: &Scene) -> Option<String> {
+///
+/// Where sizes differ, the lightest particle says what is small.
+fn cut_force_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     let contact = &scene.contact;
-    let weight = scene.particles.mass * gravity(scene);
-    let (scale, name) = if weight > 0.0 {
-        (weight, "the weight of a particle")
-    } else {
-        (contact.repulsion_at_contact, "F_0")
+    let (mass, whose) = match start.sizes(scene).as_sizes() {
+        Sizes::Equal(size) => (size.mass, "the weight of a particle"),
+        Sizes::Each(sizes) => {
+            let least = sizes.iter().map(|size| size.mass).fold(f64::INFINITY, f64::min);
+            (least, "the weight of the lightest particle")
+        }
     };
+    let weight = mass * gravity(scene);
+    let (scale, name) = if weight > 0.0 { (weight, whose) } else { (contact.repulsion_at_contact, "F_0") };
     let cut =
         contact.repulsion_at_contact * (-contact.stiffness_exponent * contact.interaction_distance).exp();
     let enough = (contact.repulsion_at_contact / (1e-3 * scale)).ln() / contact.stiffness_exponent;
@@ -104,22 +110,31 @@ fn cut_force_warning(scene: &Scene) -> Option<String> {
 
 /// Warns if the weight of a single sphere presses it deep into a floor on which it rests.
 ///
-/// There F(l) (1 + e^2)/2 = m g, by eqs. (2.1) and (2.4).
-fn soft_contact_warning(scene: &Scene) -> Option<String> {
-    let (contact, r) = (&scene.contact, scene.particles.radius);
-    let weight = scene.particles.mass * gravity(scene);
+/// There F(l) (1 + e^2)/2 = m g, by eqs. (2.1) and (2.4). Where sizes differ, it is about the sphere that
+/// needs the hardest contacts.
+fn soft_contact_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
+    let contact = &scene.contact;
     let at_rest = 0.5 * (1.0 + contact.restitution.powi(2)) * contact.repulsion_at_contact;
-    let e_folds = (weight / at_rest).ln();
-    let overlap = e_folds / contact.stiffness_exponent;
-    let enough = e_folds / (DEEP * r);
-    (contact.stiffness_exponent < enough).then(|| {
+    let e_folds = |size: &Size| (size.mass * gravity(scene) / at_rest).ln();
+    let enough = |size: &Size| e_folds(size) / (DEEP * size.r);
+    let (size, sphere, radius) = match start.sizes(scene).as_sizes() {
+        Sizes::Equal(size) => {
+            (size, format!("a sphere of particles.mass = {} kg", short(size.mass)), "the radius")
+        }
+        Sizes::Each(sizes) => {
+            let worst = (0..sizes.len()).max_by(|&i, &j| enough(&sizes[i]).total_cmp(&enough(&sizes[j])))?;
+            let mass = short(sizes[worst].mass);
+            (sizes[worst], format!("particle {worst} of {mass} kg"), "its radius")
+        }
+    };
+    let overlap = e_folds(&size) / contact.stiffness_exponent;
+    (contact.stiffness_exponent < enough(&size)).then(|| {
         format!(
-            "warning: contacts are soft: a sphere of particles.mass = {} kg at rest on a floor overlaps it \
-             by {} m, {} of the radius; contact.stiffness_exponent = {} 1/m or more would do",
-            short(scene.particles.mass),
+            "warning: contacts are soft: {sphere} at rest on a floor overlaps it by {} m, {} of {radius}; \
+             contact.stiffness_exponent = {} 1/m or more would do",
             rough(overlap),
-            rough(overlap / r),
-            short(at_least(enough))
+            rough(overlap / size.r),
+            short(at_least(enough(&size)))
         )
     })
 }

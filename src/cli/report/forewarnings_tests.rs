@@ -1,11 +1,11 @@
 //! Each warning before a run: when it comes, and that what it advises silences it.
 
+use super::super::testing::{scene, sized};
 use super::*;
 
-fn scene(extra: &[&str]) -> Scene {
-    let text = include_str!("../../../configs/paper/settle.toml");
-    let sets: Vec<String> = extra.iter().map(ToString::to_string).collect();
-    Scene::parse("settle.toml", text, &sets).unwrap()
+/// Any number of spheres with the radius and the mass of the scene.
+fn alike() -> InitialCondition {
+    InitialCondition::default()
 }
 
 /// Particles at the given centres with the given velocities.
@@ -20,23 +20,40 @@ fn bodies(list: &[[[f64; 3]; 2]]) -> InitialCondition {
 
 #[test]
 fn the_paper_cuts_off_nothing_that_matters() {
-    assert_eq!(cut_force_warning(&scene(&[])), None);
-    assert_eq!(cut_force_warning(&scene(&["gravity=[0,0,0]"])), None);
+    assert_eq!(cut_force_warning(&scene(&[]), &alike()), None);
+    assert_eq!(cut_force_warning(&scene(&["gravity=[0,0,0]"]), &alike()), None);
 }
 
 #[test]
 fn a_cut_force_is_warned_of_with_the_distance_that_would_do() {
-    let warning = cut_force_warning(&scene(&["contact.stiffness_exponent=30"])).unwrap();
+    let warning = cut_force_warning(&scene(&["contact.stiffness_exponent=30"]), &alike()).unwrap();
     // 10 exp(-30 l) = 9.81e-3 at l = 0.230897 m.
     assert!(
         warning.contains("contact.interaction_distance = 0.1 m") && warning.contains("0.231 m"),
         "{warning}"
     );
     let enough = scene(&["contact.stiffness_exponent=30", "contact.interaction_distance=0.231"]);
-    assert_eq!(cut_force_warning(&enough), None);
+    assert_eq!(cut_force_warning(&enough, &alike()), None);
     let weightless = scene(&["contact.stiffness_exponent=30", "gravity=[0,0,0]"]);
     // exp(-30 l) = 1e-3 at l = 0.23026 m.
-    assert!(cut_force_warning(&weightless).unwrap().contains("0.231 m"));
+    assert!(cut_force_warning(&weightless, &alike()).unwrap().contains("0.231 m"));
+}
+
+#[test]
+fn of_unequal_spheres_the_lightest_one_and_the_one_that_sinks_most_are_warned_of() {
+    // Weights of 9.81 and 0.0981 N: 10 exp(-30 l) = 9.81e-5 at l = 0.3844 m.
+    let two = sized(vec![[0.5; 3]; 2], [0.1, 0.02], [1.0, 0.01]);
+    let warning = cut_force_warning(&scene(&["contact.stiffness_exponent=30"]), &two).unwrap();
+    assert!(warning.contains("of the weight of the lightest particle") && warning.contains("0.385 m"));
+
+    // ln(9.81 m/5.8) is 1.677 for 3.163 kg: in 0.3 r of 0.05 m that takes kappa = 111.8 1/m.
+    let heavy = sized(vec![[0.5; 3]; 3], [0.1, 0.05, 0.3], [1.0, 3.163, 3.163]);
+    let soft =
+        |kappa: &str| soft_contact_warning(&scene(&[&format!("contact.stiffness_exponent={kappa}")]), &heavy);
+    let warning = soft("100").unwrap();
+    assert!(warning.contains("particle 1 of 3.163 kg at rest on a floor overlaps it"), "{warning}");
+    assert!(warning.contains("of its radius; contact.stiffness_exponent = 112 1/m"), "{warning}");
+    assert_eq!(soft("112"), None);
 }
 
 #[test]
@@ -213,7 +230,7 @@ fn what_a_warning_advises_silences_it_at_every_size() {
 #[test]
 fn a_powder_is_advised_in_its_own_size() {
     let cut = scaled(5e-5, &["contact.interaction_distance=1e-6"]);
-    let warning = cut_force_warning(&cut).unwrap();
+    let warning = cut_force_warning(&cut, &alike()).unwrap();
     // ln(1 000 * 10/9.81)/kappa with kappa = 3e6 1/m: 2.3089e-6 m.
     assert!(warning.contains("contact.interaction_distance = 1e-6 m"), "{warning}");
     assert!(warning.ends_with("2.31e-6 m or more would do"), "{warning}");

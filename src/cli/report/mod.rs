@@ -6,6 +6,7 @@ use crate::engine::load::{START_BYTES, bytes_per_particle};
 use crate::engine::simulation::{Counts, Frame, FrameSummary, Outcome, cutoff, tightening, tolerance};
 use crate::math::digits::{bytes as size, rough, short};
 use crate::model::effects::Effects;
+use crate::model::size::Sizes;
 use crate::ode::{Limit, NormName};
 use crate::scene::initial_condition::{self, InitialCondition};
 use crate::scene::stop::Rest;
@@ -19,7 +20,10 @@ use std::time::Instant;
 
 mod forewarnings;
 mod monitor;
+mod particles;
 mod size_of_run;
+#[cfg(test)]
+mod testing;
 mod warnings;
 pub use forewarnings::forewarnings;
 pub use monitor::Monitor;
@@ -121,6 +125,20 @@ fn solver(scene: &Scene, start: &InitialCondition) -> String {
     format!("{}, {}{scale}", solver.method, step_control(scene, tolerance))
 }
 
+/// Describes how far from its own particles a rank knows those of others; `cutoff` is the largest gap, m.
+fn ghosts(scene: &Scene, start: &InitialCondition, cutoff: f64) -> String {
+    let within = |r: f64| 2.0 * r + cutoff + SKIN * r;
+    let sizes = start.sizes(scene);
+    let of = |i: usize| sizes.as_sizes().of(i).r;
+    match sizes.as_sizes() {
+        Sizes::Equal(size) => format!("ghosts within {} m", rough(within(size.r))),
+        Sizes::Each(_) => {
+            let [low, high] = particles::range((0..start.x.len()).map(of)).map(|r| rough(within(r)));
+            format!("ghosts within {low} m of the smallest particles to {high} m of the largest")
+        }
+    }
+}
+
 /// The text of `--dry-run`: what a run would do. Collective; the text is the same on every rank.
 pub fn plan(
     comm: &dyn Comm,
@@ -140,9 +158,7 @@ pub fn plan(
     let mut owned = vec![0; comm.size()];
     own.for_each(|i| owned[slabs.owner(start.x[i as usize][axis])] += 1);
     comm.sum(&mut owned);
-    let r = scene.particles.radius;
     let scale = initial_condition::velocity_scale(scene, start);
-    let ghosts_within = 2.0 * r + cutoff(scene, scale) + SKIN * r;
     let mut text = String::new();
     let mut line = |head: &str, rest: String| {
         // Writing to a string cannot fail.
@@ -161,8 +177,10 @@ pub fn plan(
         line(if k == 0 { "effects" } else { "" }, effect);
     }
     let walls = crate::scene::walls::walls(&scene.container).len();
-    let (radius, mass) = (short(r), short(scene.particles.mass));
-    line("particles", format!("{count} of radius {radius} m and mass {mass} kg, {walls} walls"));
+    line("particles", format!("{}, {walls} walls", particles::particles(scene, start)));
+    if let Some(species) = particles::species(start) {
+        line("species", species);
+    }
     line("time", format!("to t = {} s, {} frames", short(scene.t_end), frames(scene)));
     line("solver", solver(scene, start));
     line("contacts", contacts(scene, cutoff(scene, scale)));
@@ -178,8 +196,8 @@ pub fn plan(
     );
     line("output", format!("about {}, {output}", size(output_bytes(scene, count))));
     line("checkpoints", checkpoints(scene, count));
-    let ghosts_within = rough(ghosts_within);
-    line("ranks", format!("{} with {threads} threads each; ghosts within {ghosts_within} m", comm.size()));
+    let ghosts = ghosts(scene, start, cutoff(scene, scale));
+    line("ranks", format!("{} with {threads} threads each; {ghosts}", comm.size()));
     for (rank, n) in owned.iter().enumerate() {
         let (low, high) = slabs.of(rank);
         let (low, high) = (short(low), short(high));
@@ -277,7 +295,7 @@ fn spread<const K: usize>(comm: &dyn Comm, own: [f64; K]) -> [[f64; 3]; K] {
 pub fn summary(
     comm: &dyn Comm,
     name: &Path,
-    scene: &Scene,
+    (scene, start): (&Scene, &InitialCondition),
     outcome: &Outcome,
     course: &FrameSummary,
     threads: usize,
@@ -343,9 +361,10 @@ pub fn summary(
     line(
         "largest overlap",
         format!(
-            "{} m ({} % of the radius) at a frame",
+            "{} m ({} % of {}) at a frame",
             rough(outcome.largest_overlap),
-            rough(100.0 * outcome.largest_overlap / r)
+            rough(100.0 * outcome.largest_overlap / r),
+            particles::whose_radius(start, scene)
         ),
     );
     line(
@@ -397,14 +416,9 @@ fn step_sizes(limits: &[u64]) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::testing::{scene, sized};
     use super::*;
     use crate::engine::simulation::state_vectors;
-
-    fn scene(extra: &[&str]) -> Scene {
-        let text = include_str!("../../../configs/paper/settle.toml");
-        let sets: Vec<String> = extra.iter().map(ToString::to_string).collect();
-        Scene::parse("settle.toml", text, &sets).unwrap()
-    }
 
     /// paper/settle.toml with another solver table.
     fn scene_with_solver(table: &str) -> Scene {
@@ -469,6 +483,17 @@ mod tests {
         let elastic = crate::scene::Contact { restitution: 1.0, ..elastic };
         assert_eq!(state_vectors(&Scene { contact: elastic, ..smooth }), 8);
         assert_eq!(bytes_per_particle(&of("auto")) - bytes_per_particle(&of("merson")), 72);
+    }
+
+    #[test]
+    fn ghosts_are_as_far_as_the_sizes_of_spheres_ask_for() {
+        let scene = scene(&[]);
+        let within = |r: f64| rough(2.0 * r + 0.1 + SKIN * r);
+        let alike = InitialCondition { x: vec![[0.5; 3]], ..InitialCondition::default() };
+        assert_eq!(ghosts(&scene, &alike, 0.1), format!("ghosts within {} m", within(0.1)));
+        let told = ghosts(&scene, &sized(vec![[0.5; 3]; 2], [0.02, 0.3], [1.0; 2]), 0.1);
+        assert!(told.contains(&format!("{} m of the smallest", within(0.02))), "{told}");
+        assert!(told.contains(&format!("{} m of the largest", within(0.3))), "{told}");
     }
 
     #[test]

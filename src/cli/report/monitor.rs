@@ -27,8 +27,10 @@ pub struct Monitor {
     /// Names of the walls.
     names: Vec<String>,
     exits: Vec<Exit>,
-    /// Radius of the particles, m.
+    /// Radius of the particles, m, where all are alike.
     r: f64,
+    /// The largest radius, m.
+    largest: f64,
     /// Interaction distance, m.
     l_max: f64,
     /// Largest distance of a centre beyond a wall so far, m, the id of the particle and the index of the
@@ -63,33 +65,41 @@ impl Monitor {
             })
             .collect();
         let (r, l_max) = (scene.particles.radius, scene.contact.interaction_distance);
-        Monitor { walls, names, exits, r, l_max, furthest: (f64::NEG_INFINITY, 0, 0), left: Vec::new() }
+        let largest = start.sizes(scene).largest();
+        let furthest = (f64::NEG_INFINITY, 0, 0);
+        Monitor { walls, names, exits, r, largest, l_max, furthest, left: Vec::new() }
     }
 
     /// Checks the particles of a frame.
     pub fn follow(&mut self, frame: &Frame) {
+        let sizes = frame.sizes();
         let looks = frame.rows.map(|row| {
             let (x, v) = (position(row), velocity(row));
             let depths = self.walls.iter().enumerate().map(|(wall, plane)| (plane.depth(&x), wall));
             let nearest = depths.fold((f64::INFINITY, 0), |a, b| if b.0 < a.0 { b } else { a });
-            (nearest, self.has_left(&x, &v, nearest.0))
+            (nearest, x, v)
         });
-        let ids = || (frame.first..).zip(&looks);
-        self.left = ids().filter(|(_, (_, left))| *left).map(|(id, _)| id).collect();
-        for (id, ((depth, wall), _)) in ids() {
+        let radius = |k: usize| sizes.get(k).map_or(self.r, |size| size.r);
+        let left = |(k, (nearest, x, v)): &(usize, &((f64, usize), Vec3, Vec3))| {
+            self.has_left(x, v, radius(*k), nearest.0)
+        };
+        self.left = looks.iter().enumerate().filter(left).map(|(k, _)| frame.first + k as u64).collect();
+        for (id, ((depth, wall), ..)) in (frame.first..).zip(&looks) {
             if -depth > self.furthest.0 {
                 self.furthest = (-depth, id, *wall);
             }
         }
     }
 
-    /// Whether a body at `x` with velocity `v` has left; `depth` is its distance to the nearest wall, m.
+    /// Whether a body of radius `r` (m) at `x` with velocity `v` has left; `depth` is its distance to the
+    /// nearest wall, m.
     ///
-    /// Such a body is further out than any body at the start, touches no wall, and moves outwards.
-    fn has_left(&self, x: &Vec3, v: &Vec3, depth: f64) -> bool {
-        let free = depth - self.r > self.l_max;
+    /// Such a body is so far out that it would touch no body of any size at the start. It touches no wall,
+    /// and moves outwards.
+    fn has_left(&self, x: &Vec3, v: &Vec3, r: f64, depth: f64) -> bool {
+        let free = depth - r > self.l_max;
         let out = |exit: &Exit| {
-            exit.along.dot(x) > exit.started + 2.0 * self.r + self.l_max && exit.along.dot(v) > 0.0
+            exit.along.dot(x) > exit.started + (r + self.largest) + self.l_max && exit.along.dot(v) > 0.0
         };
         free && self.exits.iter().any(out)
     }
@@ -152,7 +162,7 @@ mod tests {
     fn left(monitor: &Monitor, x: [f64; 3], v: [f64; 3]) -> bool {
         let x = Vec3::from(x);
         let depth = monitor.walls.iter().map(|wall| wall.depth(&x)).fold(f64::INFINITY, f64::min);
-        monitor.has_left(&x, &v.into(), depth)
+        monitor.has_left(&x, &v.into(), monitor.r, depth)
     }
 
     #[test]
@@ -176,6 +186,18 @@ mod tests {
         assert!(!left(&chimney, [0.5, 0.5, 1.09], [0.0, 0.0, 1.0]));
         assert!(!left(&chimney, [0.5, 0.5, 1.11], [0.0, 0.0, -1.0]));
         assert!(!left(&chimney, [0.1, 0.5, 1.11], [0.0, 0.0, 1.0]), "it touches a wall");
+    }
+
+    #[test]
+    fn a_particle_of_another_size_has_left_beyond_its_own_radius_and_the_largest_one() {
+        let mut chimney = monitor("{ min = [0, 0, 0], max = [1, 1, inf] }", "[0, 0, 0]");
+        chimney.largest = 0.3;
+        // 0.8 m at the start, 0.3 m of the largest, l_max = 0.1 m and its own radius.
+        let left = |r: f64, z: f64| chimney.has_left(&Vec3::new(0.5, 0.5, z), &Vec3::z(), r, 0.5);
+        assert!(left(0.02, 1.23) && !left(0.02, 1.21));
+        assert!(left(0.3, 1.51) && !left(0.3, 1.49));
+        // With 0.45 m it touches a wall at 0.5 m.
+        assert!(!left(0.45, 9.0));
     }
 
     #[test]

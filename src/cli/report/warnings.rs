@@ -2,6 +2,7 @@
 
 use super::forewarnings::loose_tolerance_warning;
 use super::monitor::Monitor;
+use super::particles::whose_radius;
 use crate::domain::Comm;
 use crate::engine::simulation::{FrameSummary, Outcome};
 use crate::math::digits::{rough, short};
@@ -71,6 +72,20 @@ fn lost_energy_warning(scene: &Scene, start: &InitialCondition, course: &FrameSu
     })
 }
 
+/// Warns if spheres overlapped deeply at a frame, by `overlap` (m) at most. Where radii differ, the mean one
+/// is the measure: which spheres these were is not known.
+fn deep_overlap_warning(scene: &Scene, start: &InitialCondition, overlap: f64) -> Option<String> {
+    let share = overlap / scene.particles.radius;
+    (share > DEEP).then(|| {
+        format!(
+            "warning: the largest overlap is {} of {}: the contacts are soft for this load; a larger \
+             contact.stiffness_exponent makes them harder",
+            rough(share),
+            whose_radius(start, scene)
+        )
+    })
+}
+
 /// Warnings of doubtful results after a run. Collective; the same on every rank.
 pub fn doubts(
     comm: &dyn Comm,
@@ -90,14 +105,7 @@ pub fn doubts(
             short(scene.solver.min_step)
         ));
     }
-    let share = outcome.largest_overlap / scene.particles.radius;
-    if share > DEEP {
-        doubts.push(format!(
-            "warning: the largest overlap is {} of the radius: the contacts are soft for this load; a larger \
-             contact.stiffness_exponent makes them harder",
-            rough(share)
-        ));
-    }
+    doubts.extend(deep_overlap_warning(scene, start, outcome.largest_overlap));
     if loose_tolerance_warning(scene, start).is_some() {
         let by_error = Limit::ALL.iter().zip(counts.limits).find(|(limit, _)| **limit == Limit::Error);
         doubts.push(format!(
@@ -114,13 +122,8 @@ pub fn doubts(
 
 #[cfg(test)]
 mod tests {
+    use super::super::testing::{scene, sized};
     use super::*;
-
-    fn scene(extra: &[&str]) -> Scene {
-        let text = include_str!("../../../configs/paper/settle.toml");
-        let sets: Vec<String> = extra.iter().map(ToString::to_string).collect();
-        Scene::parse("settle.toml", text, &sets).unwrap()
-    }
 
     fn course(residual: f64) -> FrameSummary {
         FrameSummary {
@@ -149,6 +152,17 @@ mod tests {
             );
         }
         assert_eq!(created_energy_warning(&scene(&[]), &InitialCondition::default(), &course(6.0)), None);
+    }
+
+    #[test]
+    fn a_deep_overlap_is_told_as_a_share_of_the_radius_or_of_the_mean_radius() {
+        let (scene, alike) = (scene(&[]), InitialCondition::default());
+        let warning = deep_overlap_warning(&scene, &alike, 0.04).unwrap();
+        assert!(warning.contains("is 0.4 of the radius: "), "{warning}");
+        assert_eq!(deep_overlap_warning(&scene, &alike, 0.02), None);
+        let two = sized(vec![[0.5; 3]; 2], [0.05, 0.15], [1.0; 2]);
+        let warning = deep_overlap_warning(&scene, &two, 0.04).unwrap();
+        assert!(warning.contains("is 0.4 of the mean radius: "), "{warning}");
     }
 
     #[test]

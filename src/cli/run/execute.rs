@@ -233,7 +233,8 @@ impl Execution<'_> {
         written: &str,
     ) -> Result<(), Error> {
         let Ground { comm, threads, .. } = *self.ground;
-        let text = report::summary(comm, self.name, self.scene, outcome, course, threads, written);
+        let run = (self.scene, self.start);
+        let text = report::summary(comm, self.name, run, outcome, course, threads, written);
         let doubts = report::doubts(comm, self.scene, self.start, outcome, course, monitor);
         let state = if outcome.stopped.is_some() { "stopped and saved" } else { "complete" };
         let kept = format!("; the run is {state} all the same, in {}", self.file.display());
