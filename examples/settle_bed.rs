@@ -38,8 +38,9 @@ fn main() -> Result<(), Error> {
     })?;
 
     // The region is the bed without its top. Overlaps count once.
-    let (region, words) = RegionRequest::Bed.of(&scene, &centres);
-    let volumes = Spheres::new(&centres, scene.particles.radius).volumes(&region);
+    let sizes = start.sizes(&scene);
+    let (region, words) = RegionRequest::Bed.of(&scene, &centres, sizes.as_sizes());
+    let volumes = Spheres::sized(&centres, sizes.as_sizes()).volumes(&region);
     let porosity = 1.0 - volumes.union / volumes.region;
     println!("{} spheres after {:.2} s, {} steps", centres.len(), outcome.time, outcome.counts.accepted);
     println!("height of the bed: {height:.3} m");
