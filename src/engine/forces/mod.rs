@@ -322,8 +322,8 @@ impl Forces {
         sizes_of(&self.sizes, &*self.kernel, &self.parameters)
     }
 
-    /// What the squared distance that a particle moves is multiplied by, see
-    /// [`squared_scale`](crate::model::size::squared_scale). `i` is its local index.
+    /// What the squared distance that a particle moves is multiplied by, see [`squared_scale`]. `i` is its
+    /// local index.
     pub fn squared_scale(&self, i: usize) -> f64 {
         squared_scale(&self.sizes, i, self.kernel.law().r)
     }
