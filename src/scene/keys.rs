@@ -89,7 +89,7 @@ pub(super) const KEYS: &[Key] = &[
              "the table of when the spheres are at rest, which ends the run", "{ kinetic_energy = 1e-6 }"),
 
     optional("particles.radius", Number(Positive),
-             "the radius r of every sphere in m; of a typical one where particles.file has radii", "0.1"),
+             "the radius r of every sphere, or of a typical one where particles.file has radii, in m", "0.1"),
     optional("particles.mass", Number(Positive),
              "the mass of one sphere, 4/3 pi r^3 times its density, in kg", "1.0"),
     optional("particles.density", Number(Positive), "the density of the spheres in kg/m^3", "2500.0"),

@@ -80,7 +80,7 @@ fn a_run_with_sizes_goes_on_where_it_was_stopped() {
     let folder = folder();
     let mut job = Job::on(2, folder.path(), &["scene.toml", "--threads", "1"]).start();
     job.wait_for_frames(40);
-    signal_job(&job, Signal::TERM);
+    signal_job(&job, Signal::USR1);
     job.must_end_within(120);
     job.end().with_code(5);
     Job::on(3, folder.path(), &["--resume", "scene.vtkhdf", "-q"]).run().with_code(0);

@@ -118,6 +118,7 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
         ("particles.grid.seed", "drawn"),
         ("particles.grid.spacing", "2.5 radii"),
         ("friction.regularization_velocity", "none; required by `regularized`"),
+        ("particles.radius", "none; required unless `particles.file` has radii"),
         ("friction.stiffness_ratio", "0.5"),
         ("friction.damping", "1"),
         ("solver.norm", "\"scaled\"; \"mean\" with `friction.law = \"history\"`"),

@@ -159,6 +159,7 @@ pub fn plan(
     own.for_each(|i| owned[slabs.owner(start.x[i as usize][axis])] += 1);
     comm.sum(&mut owned);
     let scale = initial_condition::velocity_scale(scene, start);
+    let cutoff = cutoff(scene, scale * start.sizes(scene).lightest());
     let mut text = String::new();
     let mut line = |head: &str, rest: String| {
         // Writing to a string cannot fail.
@@ -183,7 +184,7 @@ pub fn plan(
     }
     line("time", format!("to t = {} s, {} frames", short(scene.t_end), frames(scene)));
     line("solver", solver(scene, start));
-    line("contacts", contacts(scene, cutoff(scene, scale)));
+    line("contacts", contacts(scene, cutoff));
     line("rest", Rest::of(scene, scale).map_or_else(|| "not looked for: no [stop]".to_owned(), at_rest));
     let per_particle = bytes_per_particle(scene);
     let start_bytes = START_BYTES * count * comm.size() as u64;
@@ -196,7 +197,7 @@ pub fn plan(
     );
     line("output", format!("about {}, {output}", size(output_bytes(scene, count))));
     line("checkpoints", checkpoints(scene, count));
-    let ghosts = ghosts(scene, start, cutoff(scene, scale));
+    let ghosts = ghosts(scene, start, cutoff);
     line("ranks", format!("{} with {threads} threads each; {ghosts}", comm.size()));
     for (rank, n) in owned.iter().enumerate() {
         let (low, high) = slabs.of(rank);

@@ -6,7 +6,7 @@ use crate::cli::run::interrupts::Interrupts;
 use crate::domain::agreement::{agree, share, write_on_rank_0};
 use crate::domain::{Comm, launch, rows, stdout};
 use crate::engine::dynamics::Clocks;
-use crate::engine::simulation::{Frame, FrameSummary, Observer, Outcome, Simulation, Snapshot};
+use crate::engine::simulation::{Frame, FrameSummary, Observer, Outcome, Simulation, Snapshot, cutoff};
 use crate::error::Error;
 use crate::files::checkpoint::{self, Header};
 use crate::files::output::{self, Claim, Contents, Measures, Output, Rows, RunInfo, Seconds};
@@ -114,7 +114,7 @@ impl Execution<'_> {
             step: scene.solver.step,
             norm: scene.solver.norm,
             velocity_scale,
-            contact_cutoff: crate::engine::simulation::cutoff(scene, velocity_scale),
+            contact_cutoff: cutoff(scene, velocity_scale * self.start.sizes(scene).lightest()),
             energy: scene.output.energy,
             mass: scene.particles.mass,
             ranks: comm.size(),
