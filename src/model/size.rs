@@ -126,21 +126,25 @@ impl Partners {
     /// Two spheres, where a typical sphere has the mass `typical` (kg).
     #[inline(always)]
     pub fn of_pair(i: &Size, j: &Size, typical: f64) -> Self {
-        Self::between([i.r, j.r], [i.per_mass, j.per_mass], typical)
+        Self::between([i.r, j.r], [i.per_mass, j.per_mass], typical, true)
     }
 
-    /// `of_pair` for spheres with the radii `r` (m) and these inverses of masses (1/kg).
+    /// `of_pair` for spheres with the radii `r` (m) and these inverses of masses (1/kg). Without `resists`,
+    /// where nothing resists rolling or twisting, `turned` is not computed.
     #[inline(always)]
-    pub fn between(r: [f64; 2], per_mass: [f64; 2], typical: f64) -> Self {
+    pub fn between(r: [f64; 2], per_mass: [f64; 2], typical: f64, resists: bool) -> Self {
         let surfaces = r[0] + r[1];
         let per_surfaces = 1.0 / surfaces;
         let arms = [2.0 * r[1] * per_surfaces, 2.0 * r[0] * per_surfaces];
-        let turned = arms[0] * arms[0] * per_mass[0] + arms[1] * arms[1] * per_mass[1];
+        let turned = || {
+            let per_mass = arms[0] * arms[0] * per_mass[0] + arms[1] * arms[1] * per_mass[1];
+            (2.0 / (typical * per_mass)).sqrt()
+        };
         Partners {
             surfaces,
             per_surfaces,
             slipped: (2.0 / (typical * (per_mass[0] + per_mass[1]))).sqrt(),
-            turned: (2.0 / (typical * turned)).sqrt(),
+            turned: if resists { turned() } else { 1.0 },
             arms,
         }
     }

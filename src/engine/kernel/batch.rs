@@ -145,13 +145,13 @@ impl Batch {
     }
 
     /// Fills the rows of `pairs` of spheres with these `sizes`, by slot. With a memory a typical sphere has the
-    /// mass `typical` (kg).
+    /// mass `typical` (kg); `resists` says whether anything resists rolling or twisting.
     #[inline(always)]
     pub fn put_pairs<const N: usize>(
         &mut self,
         (bodies, sizes): (&[[f64; N]], &[Size]),
         pairs: &[[u32; 2]],
-        typical: Option<f64>,
+        (typical, resists): (Option<f64>, bool),
     ) {
         for (k, pair) in pairs.iter().enumerate() {
             let [i, j] = pair.map(|slot| &sizes[slot as usize]);
@@ -167,7 +167,7 @@ impl Batch {
         let Some(typical) = typical else { return };
         for k in 0..Batch::rows(pairs.len()) {
             let [r_i, r_j, per_m_i, per_m_j] = [0, 1, 2, 3].map(|c| self.partners[c][k]);
-            self.put_partners(k, Partners::between([r_i, r_j], [per_m_i, per_m_j], typical));
+            self.put_partners(k, Partners::between([r_i, r_j], [per_m_i, per_m_j], typical, resists));
         }
     }
 

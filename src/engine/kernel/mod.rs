@@ -424,7 +424,8 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
             }
             batch.gather::<L, N>(bodies, pairs);
             if let Sizes::Each(sizes) = sizes {
-                batch.put_pairs((bodies, sizes), pairs, typical::<T>(&law.parameters));
+                let resists = law.tangential.resistance().is_some();
+                batch.put_pairs((bodies, sizes), pairs, (typical::<T>(&law.parameters), resists));
             }
             for k in 0..Batch::rows(pairs.len()) {
                 let apart = batch.normal(k);
