@@ -175,7 +175,7 @@ pub enum Error {
     /// A particle moves so fast that even the smallest allowed step could miss a collision.
     #[error(
         "particle {i} moves too far at t = {} s: within a step of {} s (solver.min_step) by more than {} m \
-         (0.1 particles.radius), and a collision could be missed",
+         (0.1 of its radius), and a collision could be missed",
         short(*t),
         rough(*h),
         rough(*travel)

@@ -28,10 +28,14 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
     let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
     let LeftOut { file, radius, mass, density } = LeftOut::of(&name, &text, sets)?;
     let mut sets = sets.to_vec();
-    if let Some(file) = file.filter(|_| radius.is_none() || !mass) {
+    // The file is read once: it may be a pipe.
+    let mut early = None;
+    if let Some(file) = file.filter(|_| radius.is_none_or(|r| r > 0.0) && (radius.is_none() || !mass)) {
         let means = share(comm, || {
             let table = initial_condition::read_table(&file, &folder, true)?;
-            Ok(serde_json::to_string(&table.means(radius)).expect("these are numbers"))
+            let means = serde_json::to_string(&table.means(radius)).expect("these are numbers");
+            early = Some(table);
+            Ok(means)
         })?;
         let [own_radius, own_mass]: [Option<f64>; 2] = serde_json::from_str(&means).unwrap_or_default();
         let set = |key: &str, number: f64| format!("particles.{key}={number:?}");
@@ -50,7 +54,7 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
         None => {
             let mut read = Ok(InitialCondition::default());
             share(comm, || {
-                read = initial_condition::read_csv(&scene, &folder);
+                read = early.take().map_or_else(|| initial_condition::read_csv(&scene, &folder), Ok);
                 read.as_ref().map(|_| String::new()).map_err(Clone::clone)
             })?;
             let mut start = share_start(comm, read?);

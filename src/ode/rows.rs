@@ -184,7 +184,8 @@ pub struct Norm {
     pub rate: bool,
     /// For a mean of the errors of rows the tolerance; none where the largest error counts. See [`Errors`].
     pub mean: Option<f64>,
-    /// For every row of the first segment a factor of the weights of its positions; empty where all are 1.
+    /// For every row of the first segment a factor of the weights of some columns: of positions, or of what
+    /// follows the velocities if the error is a rate. Empty where all are 1.
     pub rows: Vec<f64>,
 }
 
@@ -210,7 +211,8 @@ impl Norm {
             let own = &self.rows[part.row..part.row + part.len / part.width];
             return (part.start..).step_by(part.width).zip(own).fold(0.0, |most, (row, &factor)| {
                 (0..part.width).fold(most, |most, c| {
-                    let weight = if c < part.positions { weights[c] * factor } else { weights[c] };
+                    let scaled = if self.rate { c >= 2 * part.positions } else { c < part.positions };
+                    let weight = if scaled { weights[c] * factor } else { weights[c] };
                     larger(most, weight * value(row + c).abs())
                 })
             });

@@ -89,8 +89,9 @@ pub struct Particles {
     /// Mass of one particle, kg; > 0. A density gives it as well.
     #[serde(default = "left_out")]
     pub mass: f64,
-    /// Density of the particles, kg/m^3; > 0. [`Scene::parse`] turns it into the mass, and leaves `None`.
-    #[serde(default, skip_serializing)]
+    /// Density of the particles, kg/m^3; > 0. [`Scene::parse`] turns it into the mass, and leaves `None` unless
+    /// there is a file: each of its spheres may have a radius of its own.
+    #[serde(default)]
     pub density: Option<f64>,
     /// CSV file with the initial condition, as the user wrote it.
     ///
@@ -422,8 +423,16 @@ impl Scene {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn resolved(&self) -> String {
-        toml::to_string(self)
-            .expect("a scene holds only tables, numbers, switches and text that came from TOML")
+        let why = "a scene holds only tables, numbers, switches and text that came from TOML";
+        if self.particles.density.is_none() {
+            return toml::to_string(self).expect(why);
+        }
+        let mut table = toml::Table::try_from(self).expect(why);
+        if let Some(particles) = table.get_mut("particles").and_then(toml::Value::as_table_mut) {
+            // One of the two says how heavy the particles are.
+            particles.remove("mass");
+        }
+        table.to_string()
     }
 
     /// Whether particles rotate: the scene has friction with rotation, and its coefficient is not 0.
@@ -433,9 +442,9 @@ impl Scene {
 
     /// A density gives the mass of a sphere.
     fn fill_in_mass(&mut self) {
-        let Particles { radius, mass, density, .. } = &mut self.particles;
-        if let Some(density) = density.take() {
-            *mass = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3) * density;
+        let Particles { radius, mass, density, file, .. } = &mut self.particles;
+        if let Some(density) = if file.is_some() { *density } else { density.take() } {
+            *mass = initial_condition::mass_of(*radius, density);
         }
     }
 
@@ -517,14 +526,19 @@ mod tests {
     }
 
     #[test]
-    fn a_density_gives_the_mass_and_is_recorded_as_such() {
-        let text = SHORT.replace("mass = 1,", "density = 2500,");
-        assert_ne!(text, SHORT);
-        let scene = Scene::parse("dense.toml", &text, &[]).unwrap();
-        // Spheres of 0.1 m.
-        assert!((scene.particles.mass - 10.471_975_511_965_978).abs() < 1e-14);
-        assert!(!scene.resolved().contains("density"));
-        assert_eq!(Scene::parse("again.toml", &scene.resolved(), &[]).unwrap(), scene);
+    fn a_density_gives_the_mass_and_is_recorded_where_spheres_of_a_file_may_differ() {
+        let of_file = SHORT.replace("mass = 1,", "density = 2500,");
+        assert_ne!(of_file, SHORT);
+        let of_grid = of_file.replace("file = 'start.csv'", "grid = {}");
+        for (text, recorded) in [(of_file, "density"), (of_grid, "mass")] {
+            let scene = Scene::parse("dense.toml", &text, &["container.box={}".to_owned()]).unwrap();
+            // Spheres of 0.1 m.
+            assert!((scene.particles.mass - 10.471_975_511_965_978).abs() < 1e-14);
+            let resolved = scene.resolved();
+            let other = if recorded == "mass" { "density" } else { "mass" };
+            assert!(resolved.contains(recorded) && !resolved.contains(other), "{resolved}");
+            assert_eq!(Scene::parse("again.toml", &resolved, &[]).unwrap(), scene);
+        }
     }
 
     #[test]

@@ -54,9 +54,13 @@ impl Classes {
         }
         let mut radii: Vec<f64> = sizes.iter().map(|size| size.r).collect();
         radii.sort_unstable_by(f64::total_cmp);
-        let starts_class = |radii: &[f64]| radii[1] > radii[0] * (1.0 + SAME);
-        let mut distinct: Vec<f64> = radii.first().copied().into_iter().collect();
-        distinct.extend(radii.windows(2).filter(|two| starts_class(two)).map(|two| two[1]));
+        // Each is compared with the first of its class: many that differ little make no chain.
+        let mut distinct: Vec<f64> = Vec::new();
+        for &r in &radii {
+            if distinct.last().is_none_or(|&first| r > first * (1.0 + SAME)) {
+                distinct.push(r);
+            }
+        }
         if sizes.is_empty() {
             return None;
         }

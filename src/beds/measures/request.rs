@@ -119,7 +119,7 @@ fn end_of_spheres(x: &[Vec3], sizes: Sizes, way: &Vec3) -> Option<f64> {
 /// It is as far above the ground as the bed is wide between the closest two upright planes that hold it.
 ///
 /// A bed is too shallow for that if less than a tenth of its centres are above. The region then ends at the
-/// height below which three quarters of the centres lie.
+/// height below which three quarters of the centres lie. Centres of unequal spheres count by their volumes.
 ///
 /// `None` if the walls leave the bed open below or on a side, or if it is not on its ground.
 fn bed_top(walls: &[(Half, Side)], upright: &Upright, x: &[Vec3], sizes: Sizes) -> Option<f64> {
@@ -135,12 +135,24 @@ fn bed_top(walls: &[(Half, Side)], upright: &Upright, x: &[Vec3], sizes: Sizes) 
     }
     let bottom = -body.reach(&-up);
     let as_high_as_wide = bottom + least_width(&body, &upright.across);
-    let above = x.iter().filter(|x| up.dot(x) > as_high_as_wide).count();
-    let top = if 10 * above >= x.len() {
+    // Each sphere counts by its volume; equal ones by their number.
+    let weight = |i: usize| match sizes {
+        Sizes::Equal(_) => 1.0,
+        Sizes::Each(sizes) => sizes[i].r.powi(3),
+    };
+    let mut heights: Vec<(f64, f64)> = x.iter().enumerate().map(|(i, x)| (up.dot(x), weight(i))).collect();
+    heights.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = heights.iter().map(|(_, weight)| weight).sum();
+    let above: f64 = heights.iter().filter(|(z, _)| *z > as_high_as_wide).map(|(_, weight)| weight).sum();
+    let top = if 10.0 * above >= total {
         as_high_as_wide
     } else {
-        let mut heights: Vec<f64> = x.iter().map(|x| up.dot(x)).collect();
-        *heights.select_nth_unstable_by(3 * x.len() / 4, f64::total_cmp).1
+        let mut below = 0.0;
+        let reached = heights.iter().find(|(_, weight)| {
+            below += weight;
+            4.0 * below > 3.0 * total
+        });
+        reached.map_or(as_high_as_wide, |(z, _)| *z)
     };
     (top > bottom).then_some(top)
 }

@@ -306,13 +306,16 @@ fn pair_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
         high - low
     };
     let squared = falls.fold(square(&[range(0), range(1), range(2)]), f64::max);
-    // Equal spheres: the reduced mass is half the mass of one. Where sizes differ, two of the smallest meet at
-    // the lowest barrier; a large one brings less than twice their energy more.
+    // The reduced mass of equal spheres is half the mass of one. Where sizes differ, it is about two of the
+    // size whose energy is the largest share of its barrier.
     let sizes = start.sizes(scene);
-    let least = (0..start.x.len()).map(|i| sizes.as_sizes().of(i));
-    let least = least.min_by(|a, b| a.r.total_cmp(&b.r)).expect("there are two particles");
-    let energy = 0.25 * least.mass * squared;
-    let depth = 2.0 * least.r;
+    let share = |size: &Size| {
+        size.mass / barrier(scene, scene.contact.stiffness_exponent, 2.0 * size.r).max(f64::MIN_POSITIVE)
+    };
+    let worst = (0..start.x.len()).map(|i| sizes.as_sizes().of(i));
+    let worst = worst.max_by(|a, b| share(a).total_cmp(&share(b))).expect("there are two particles");
+    let energy = 0.25 * worst.mass * squared;
+    let depth = 2.0 * worst.r;
     let barrier = barrier(scene, scene.contact.stiffness_exponent, depth);
     (barrier < energy).then(|| {
         format!(
@@ -329,7 +332,7 @@ fn pair_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
 
 /// Warns if the tolerance allows a single step to be entirely wrong.
 ///
-/// In the scaled norm this is an error of a radius or of the velocity scale v. In the paper's norm it is
+/// In the scaled norm this is an error of sqrt(r/kappa), at most r, or of the velocity scale v. In the paper's norm it is
 /// kappa v^2, the acceleration of a contact at that speed.
 pub(super) fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     let tolerance = scene.solver.tolerance.filter(|_| scene.solver.step.is_none())?;
@@ -338,7 +341,9 @@ pub(super) fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -
         let most = scene.contact.stiffness_exponent * v * v;
         (most, format!("{} m/s^2, the acceleration of a contact", rough(most)))
     } else {
-        (1.0, "a whole radius".to_owned())
+        let r = scene.particles.radius;
+        let way = (r / scene.contact.stiffness_exponent).sqrt().min(r);
+        (1.0, format!("{} m or {} m/s", rough(way), rough(v)))
     };
     (tolerance * tightening(scene) >= most).then(|| {
         format!(

@@ -16,28 +16,28 @@ pub(super) fn range(numbers: impl Iterator<Item = f64>) -> [f64; 2] {
 
 /// `5000 of radius 0.1 m and mass 1 kg`, or the ranges of radii and masses where they differ.
 pub(super) fn particles(scene: &Scene, start: &InitialCondition) -> String {
-    let (count, mean) = (start.x.len(), &scene.particles);
+    let (count, typical) = (start.x.len(), &scene.particles);
     let sizes = start.sizes(scene);
     match sizes.as_sizes() {
         Sizes::Equal(Size { r, mass, .. }) => {
             format!("{count} of radius {} m and mass {} kg", short(r), short(mass))
         }
         Sizes::Each(sizes) => {
-            let radii = spread(sizes.iter().map(|size| size.r), mean.radius, "m");
+            let radii = spread(sizes.iter().map(|size| size.r), typical.radius, "m");
             format!(
                 "{count} of radius {radii}, mass {}",
-                spread(sizes.iter().map(|size| size.mass), mean.mass, "kg")
+                spread(sizes.iter().map(|size| size.mass), typical.mass, "kg")
             )
         }
     }
 }
 
-/// `0.02 to 0.11 m (mean 0.05 m)`, or the number itself where all are the same.
-fn spread(numbers: impl Iterator<Item = f64>, mean: f64, unit: &str) -> String {
+/// `0.02 to 0.11 m (typical 0.05 m)`, or the number itself where all are the same.
+fn spread(numbers: impl Iterator<Item = f64>, typical: f64, unit: &str) -> String {
     let [low, high] = range(numbers);
     match low == high {
         true => format!("{} {unit}", short(low)),
-        false => format!("{} to {} {unit} (mean {} {unit})", rough(low), rough(high), rough(mean)),
+        false => format!("{} to {} {unit} (typical {} {unit})", rough(low), rough(high), rough(typical)),
     }
 }
 
@@ -57,11 +57,11 @@ pub(super) fn species(start: &InitialCondition) -> Option<String> {
     Some(counted.join(", ") + &more)
 }
 
-/// What shares of a radius refer to in reports: all have this radius, or it is the mean.
+/// What shares of a radius refer to in reports: all have this radius, or it is that of a typical one.
 pub(super) fn whose_radius(start: &InitialCondition, scene: &Scene) -> &'static str {
     match start.sizes(scene).as_sizes() {
         Sizes::Equal(_) => "the radius",
-        Sizes::Each(_) => "the mean radius",
+        Sizes::Each(_) => "the typical radius",
     }
 }
 
@@ -83,8 +83,8 @@ mod tests {
         scene.particles.radius = 0.06;
         scene.particles.mass = 0.1;
         let told = particles(&scene, &three);
-        assert_eq!(told, "3 of radius 0.02 to 0.11 m (mean 0.06 m), mass 0.1 kg");
-        assert_eq!(whose_radius(&three, &scene), "the mean radius");
+        assert_eq!(told, "3 of radius 0.02 to 0.11 m (typical 0.06 m), mass 0.1 kg");
+        assert_eq!(whose_radius(&three, &scene), "the typical radius");
 
         let names = ["sand", "gravel"].map(str::to_owned).into();
         three.columns.push((Column { names, ..column(SPECIES, "1") }, vec![0.0, 1.0, 0.0]));

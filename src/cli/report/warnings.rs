@@ -162,7 +162,7 @@ mod tests {
         assert_eq!(deep_overlap_warning(&scene, &alike, 0.02), None);
         let two = sized(vec![[0.5; 3]; 2], [0.05, 0.15], [1.0; 2]);
         let warning = deep_overlap_warning(&scene, &two, 0.04).unwrap();
-        assert!(warning.contains("is 0.4 of the mean radius: "), "{warning}");
+        assert!(warning.contains("is 0.4 of the typical radius: "), "{warning}");
     }
 
     #[test]

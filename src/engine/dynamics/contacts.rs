@@ -113,14 +113,15 @@ impl ContactRecords {
         self.numbers = parcels.iter().flat_map(|parcel| &parcel[2..]).copied().collect();
     }
 
-    /// The records as a table with one row for each of the particles `ids`: for every contact of which the
-    /// particle has the lower id, the other id plus 1 and the numbers; then zeros. Collective.
+    /// The records as a table with one row for each of the particles `ids`: for every contact whose `host` the
+    /// particle is, the other id plus 1 and the numbers; then zeros. Collective.
     ///
-    /// Also returns the number of contacts for which a row has room.
-    fn table(&self, comm: &dyn Comm, ids: &[u64]) -> (usize, Vec<f64>) {
+    /// The host is one of the two ids of a contact, a particle; the same on all ranks. Also returns the number
+    /// of contacts for which a row has room.
+    fn table(&self, comm: &dyn Comm, ids: &[u64], host: &dyn Fn([u64; 2]) -> u64) -> (usize, Vec<f64>) {
         let place: FxHashMap<u64, usize> = ids.iter().copied().zip(0..).collect();
         let mut counts = vec![0; ids.len()];
-        let own = self.keys.iter().filter_map(|key| place.get(&key[0]));
+        let own = self.keys.iter().filter_map(|key| place.get(&host(*key)));
         own.for_each(|&i| counts[i] += 1);
         let mut most = [counts.iter().fold(0.0, |most, &count| larger(most, f64::from(count)))];
         comm.max(&mut most);
@@ -128,8 +129,10 @@ impl ContactRecords {
         let mut table = vec![0.0; ids.len() * slots * slot];
         let mut next: Vec<usize> = (0..ids.len()).map(|i| i * slots * slot).collect();
         for (key, numbers) in self.keys.iter().zip(self.numbers.chunks_exact(self.width().max(1))) {
-            if let Some(&i) = place.get(&key[0]) {
-                table[next[i]] = (key[1] + 1) as f64;
+            let host = host(*key);
+            if let Some(&i) = place.get(&host) {
+                let other = if host == key[0] { key[1] } else { key[0] };
+                table[next[i]] = (other + 1) as f64;
                 table[next[i] + 1..next[i] + slot].copy_from_slice(numbers);
                 next[i] += slot;
             }
@@ -144,7 +147,7 @@ impl ContactRecords {
         let mut records = ContactRecords { vectors, memory, ..Self::default() };
         for (id, row) in (first..).zip(table.chunks_exact((slots * slot).max(1))) {
             for numbers in row.chunks_exact(slot).filter(|numbers| numbers[0] > 0.0) {
-                records.keys.push([id, numbers[0] as u64 - 1]);
+                records.keys.push(sorted([id, numbers[0] as u64 - 1]));
                 records.numbers.extend_from_slice(&numbers[1..]);
             }
         }
@@ -260,7 +263,15 @@ impl Dynamics<'_> {
         let particles = self.particle_numbers();
         let tails: Vec<&[f64]> = vectors.iter().map(|vector| &vector[particles..]).collect();
         let records = ContactRecords::of(&self.contacts.keys, &tails, memory);
-        let (slots, table) = records.table(self.domain.comm, self.ids());
+        // A small sphere has few contacts with larger ones, a large one may have hundreds with small ones.
+        let sizes = self.forces.sizes();
+        let place: FxHashMap<u64, usize> = match self.columns().sized() {
+            true => self.domain.ids.iter().copied().zip(0..).collect(),
+            false => FxHashMap::default(),
+        };
+        let r = |id: u64| place.get(&id).map_or(f64::INFINITY, |&i| sizes.of(i).r);
+        let host = |[a, b]: [u64; 2]| if r(b) < r(a) { b } else { a };
+        let (slots, table) = records.table(self.domain.comm, self.ids(), &host);
         ([slots, memory], table)
     }
 

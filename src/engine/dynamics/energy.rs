@@ -48,8 +48,14 @@ impl Dynamics<'_> {
         let BodyParameters { gravity, .. } = self.forces.parameters;
         let (n, comm) = (self.domain.owned, self.domain.comm);
         let width = self.width();
-        let masses: Vec<f64> = (0..n).map(|i| self.size(i).mass).collect();
-        let height = |i: usize| -masses[i] * gravity.dot(&position(row(y, width, i)));
+        // Where all are alike nothing is listed: a frame allocates no memory here.
+        let alike = self.mass();
+        let masses: Vec<f64> = match self.columns().sized() {
+            true => (0..n).map(|i| self.size(i).mass).collect(),
+            false => Vec::new(),
+        };
+        let mass = |i: usize| masses.get(i).copied().unwrap_or(alike);
+        let height = |i: usize| -mass(i) * gravity.dot(&position(row(y, width, i)));
         let l_max = self.law().l_max;
         let forces = &mut self.forces;
         let mut depths = forces.largest(Measure::Gap(GapMeasure::Depth(l_max)));

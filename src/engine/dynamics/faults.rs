@@ -55,11 +55,13 @@ impl Dynamics<'_> {
     /// Why forces on one of the particles with these `ids` are not finite, at the state `y` and the time `t`
     /// (s), where no repulsion overflows: the particle whose state is larger. Collective.
     fn out_of_range(&self, ids: [f64; 2], y: &[f64], t: f64) -> Error {
-        let (layout, r) = (&self.layout, self.law().r);
+        let layout = &self.layout;
         let sizes = |id: f64| {
             let own = self.ids().iter().position(|&own| own == id as u64);
-            let row = own.map(|i| &y[layout.row(0, i).range()]);
-            row.map_or([0.0; 3], |row| [position(row).amax(), velocity(row).amax(), spin(row).amax() / r])
+            own.map_or([0.0; 3], |i| {
+                let (row, r) = (&y[layout.row(0, i).range()], self.size(i).r);
+                [position(row).amax(), velocity(row).amax(), spin(row).amax() / r]
+            })
         };
         let [a, b] = ids.map(sizes);
         let all = gather(self.domain.comm, [a[0], a[1], a[2], b[0], b[1], b[2]]);

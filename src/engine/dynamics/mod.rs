@@ -293,6 +293,14 @@ impl<'c> Dynamics<'c> {
         if self.columns().sized() { (0..self.domain.owned).map(weight).collect() } else { Vec::new() }
     }
 
+    /// Weights of the spins of the owned particles over those of typical ones, where errors are those of angular
+    /// velocities; empty where all are alike.
+    pub fn spin_weights(&self) -> Vec<f64> {
+        let r = self.law().r;
+        let weight = |i: usize| r * self.size(i).per_r;
+        if self.columns().sized() { (0..self.domain.owned).map(weight).collect() } else { Vec::new() }
+    }
+
     /// The furthest that a step may move a typical particle, m. A particle of another size may be moved by the
     /// same share of its radius.
     pub fn travel(&self) -> f64 {

@@ -1,7 +1,7 @@
 //! Decides whether a run can go on after a failed trial, and why not.
 
 use super::Simulation;
-use crate::engine::dynamics::Fault;
+use crate::engine::dynamics::{Fault, TRAVEL};
 use crate::error::Error;
 use crate::model::columns::velocity;
 use crate::model::contact::LawParameters;
@@ -58,8 +58,12 @@ impl Simulation<'_> {
         }
         let y = &self.step_start.y;
         let layout = self.dynamics.layout();
-        let i = self.dynamics.worst(|i| velocity(&y[layout.row(0, i).range()]).norm());
-        Err(Error::TooFast { t: self.step_start.t, h, i, travel: self.dynamics.travel() })
+        let speed = |i: usize| velocity(&y[layout.row(0, i).range()]).norm();
+        let i = self.dynamics.worst(|i| speed(i) * self.dynamics.size(i).per_r);
+        let own = self.dynamics.ids().iter().position(|&id| id == i);
+        let mut travel = [own.map_or(0.0, |i| TRAVEL * self.dynamics.size(i).r)];
+        self.comm.max(&mut travel);
+        Err(Error::TooFast { t: self.step_start.t, h, i, travel: travel[0] })
     }
 
     /// Returns an error if contacts are pressed so hard that the smallest step is too long for them.
@@ -67,7 +71,10 @@ impl Simulation<'_> {
     pub(super) fn fail_if_pressed(&mut self) -> Result<(), Error> {
         let (t, min_step) = (self.step_start.t, self.control.min_step);
         let (_, overlap) = self.dynamics.potential_energy(&self.step_start.y[..]);
-        pressed(self.dynamics.law(), self.dynamics.mass(), overlap, min_step, t).map_or(Ok(()), Err)
+        let masses = (0..self.dynamics.ids().len()).map(|i| self.dynamics.size(i).mass);
+        let mut least = [-masses.fold(f64::INFINITY, f64::min)];
+        self.comm.max(&mut least);
+        pressed(self.dynamics.law(), -least[0], overlap, min_step, t).map_or(Ok(()), Err)
     }
 
     /// Whether the right-hand side at the last accepted state is not finite. Collective.

@@ -17,7 +17,7 @@ pub use frame_summary::FrameSummary;
 pub use memory::{Memory, Remembered, Snapshot};
 pub use observer::{Frame, Observer, Outcome};
 pub use physics::{Physics, parameters, state_vectors, tightening};
-use physics::{auto_plan, error_control, position_weights, scene_kernel};
+use physics::{auto_plan, error_control, own_weights, scene_kernel};
 pub use progress::{Counts, Progress};
 use progress::{Schedule, WallClock};
 use std::time::Instant;
@@ -155,8 +155,13 @@ impl<'c> Simulation<'c> {
     fn empty(scene: &Scene, comm: &'c dyn Comm, dynamics: Dynamics<'c>, scale: f64, count: u64) -> Self {
         let (norm, control) = error_control(scene, (scale, count), dynamics.columns());
         let h = control.clamp(scene.solver.step.unwrap_or(scene.solver.initial_step));
-        let norm = Norm { rows: position_weights(&dynamics, &norm), ..norm };
-        let cutoff = cutoff(scene, scale * dynamics.lightest());
+        let lightest = dynamics.lightest();
+        let mut norm = Norm { rows: own_weights(&dynamics, &norm), ..norm };
+        if !norm.rate {
+            // The memories of the weakest contacts: their limit goes with the root of m/r.
+            norm.weights.iter_mut().skip(1).flatten().for_each(|weight| *weight /= lightest);
+        }
+        let cutoff = cutoff(scene, scale * lightest);
         Simulation {
             comm,
             dynamics,

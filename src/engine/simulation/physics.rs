@@ -85,10 +85,10 @@ pub(super) fn error_control(
     (norm, StepControl { long, ..control })
 }
 
-/// Factors of the weights of positions for every particle: errors are compared with its own radius. The
-/// published norm compares with none.
-pub(super) fn position_weights(dynamics: &Dynamics, norm: &Norm) -> Vec<f64> {
-    if norm.rate { Vec::new() } else { dynamics.position_weights() }
+/// Factors of weights for every particle, see [`Norm::rows`]: errors of positions are compared with its own
+/// radius. The published norm has angular velocities: spins over the own radius.
+pub(super) fn own_weights(dynamics: &Dynamics, norm: &Norm) -> Vec<f64> {
+    if norm.rate { dynamics.spin_weights() } else { dynamics.position_weights() }
 }
 
 /// Largest number of state vectors that the methods of the scene use.

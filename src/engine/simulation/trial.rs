@@ -1,7 +1,7 @@
 //! Trial steps: their size, their outcome, and frames inside of them.
 
 use super::Simulation;
-use super::physics::position_weights;
+use super::physics::own_weights;
 use crate::error::Error;
 use crate::ode::controller::GROWTH;
 use crate::ode::{Dissipation, Ivp, Limit, TrialOutcome};
@@ -85,7 +85,7 @@ impl Simulation<'_> {
     /// Builds new lists at the last accepted state. Collective.
     pub(super) fn rebuild(&mut self) -> Result<(), Error> {
         self.dynamics.rebuild(&mut self.step_start)?;
-        self.norm.rows = position_weights(&self.dynamics, &self.norm);
+        self.norm.rows = own_weights(&self.dynamics, &self.norm);
         Ok(())
     }
 

@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::math::digits::short;
 use crate::model::columns::{Changes, Column, MASS, RADIUS};
 use crate::model::size::{Size, Sizes};
-use crate::scene::{Scene, shown};
+use crate::scene::{Particles, Scene, shown};
 use std::f64::consts::PI;
 
 /// Name of the column of densities (kg/m^3) in a particle file.
@@ -96,14 +96,21 @@ impl InitialCondition {
                 || densities.map(|densities| densities[i]).or(density).map(|density| mass_of(r, density));
             (r, own.or_else(dense).unwrap_or(typical.mass))
         };
+        let overruled = masses.or(densities).is_some();
         let (radii, masses): (Vec<f64>, Vec<f64>) = (0..count).map(size).unzip();
         let names = COLUMNS.map(|(name, _)| name);
         self.columns.retain(|(column, _)| !names.contains(&&column.name[..]));
         let alike = |numbers: &[f64]| numbers.iter().all(|number| *number == numbers[0]);
-        scene.particles.mass = mean(masses.iter().copied());
+        if overruled {
+            // Columns go before keys.
+            scene.particles.density = None;
+        }
         if alike(&radii) && alike(&masses) {
-            scene.particles.radius = radii[0];
+            (scene.particles.radius, scene.particles.mass) = (radii[0], masses[0]);
             return;
+        }
+        if scene.particles.density.is_none() {
+            scene.particles.mass = mean(masses.iter().copied());
         }
         self.columns.push((column(RADIUS, "m"), radii));
         self.columns.push((column(MASS, "kg"), masses));
@@ -113,6 +120,13 @@ impl InitialCondition {
     pub(crate) fn check_sizes(&self, scene: &Scene) -> Result<(), Error> {
         let source = scene.particles.file.as_ref().map_or("the particles".to_owned(), |file| shown(file));
         let wrong = |why: String| Err(Error::Input(format!("{source}: {why}")));
+        let Particles { radius, mass, .. } = scene.particles;
+        if !(mass.is_normal() && mass > 0.0 && radius > 0.0) {
+            return wrong(format!(
+                "a sphere of {} m would have a mass of {mass:e} kg, which no arithmetic survives",
+                short(radius)
+            ));
+        }
         if self.column(RADIUS).is_some() != self.column(MASS).is_some() {
             return wrong("columns of radii and of masses go together".to_owned());
         }
