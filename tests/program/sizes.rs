@@ -102,6 +102,9 @@ fn the_file_holds_radii_masses_and_species() {
     let scene = WHOLE.scene();
     let typical = scene["particles"]["radius"].as_float().unwrap();
     assert!((typical / mean - 1.0).abs() < 1e-14, "{typical} {mean}");
+    // The scene that is recorded gives the same run again: masses follow from the density.
+    assert_eq!(scene["particles"]["density"].as_float(), Some(2000.0));
+    assert!(scene["particles"].get("mass").is_none());
 }
 
 /// What a dry run says of the scene with this particle file.

@@ -104,7 +104,7 @@ fn a_sphere_set_down_without_spin_rolls_when_friction_has_stopped_its_slip() {
             .set("friction.damping", damping)
             .set("particles.mass", 1.0)
             .set("solver.method", "dormand-prince")
-            .set("solver.tolerance", 1e-7)
+            .set("solver.tolerance", 1e-9)
             .set("output.interval", interval)
             .set("t_end", t_roll + 0.5);
         let height = Vec3::z() * (R + gap_under(G));
