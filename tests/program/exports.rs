@@ -221,7 +221,7 @@ fn a_bed_of_unequal_spheres_in_csv_starts_the_next_run_with_the_same_sizes_and_s
     assert_eq!(sizes(&old), sizes(&new));
     assert!(old.sizes.len() == 60 && old.sizes[0].r == 0.1 && old.sizes[0].mass > 10.0);
     assert_eq!(old.species, new.species);
-    assert_eq!(old.species.unwrap().names, ["sand", "glass, \"clear\"", "coarse gravel"]);
+    assert_eq!(old.species.as_ref().unwrap().names, ["sand", "glass, \"clear\"", "coarse gravel"]);
     let end = state(folder.path(), "sized.vtkhdf", Which::Last);
     assert_eq!(bits(&end), bits(&state(folder.path(), "next.vtkhdf", Which::Number(0))));
     // Each run records how heavy its spheres are: by a density, or by their own masses.
