@@ -130,8 +130,8 @@ impl Block {
         self.walls.iter().map(|&[slot, wall]| [self.index(slot), wall as usize])
     }
 
-    /// Picks the listed pairs for `near` whose centres are within `reach`, and for `near_walls` the walls that
-    /// are. `x` (m) are the centres of the bodies of the block, and the sizes of `reach` those, by slot.
+    /// Picks the listed pairs for `near` whose centres are within `reach`, and for `near_walls` the walls
+    /// that are. `x` (m) are the centres of the bodies of the block, and the sizes of `reach` those, by slot.
     pub fn pick_near(&mut self, x: &[Vec3], reach: Reach, walls: &[Wall]) {
         match reach.sizes {
             Sizes::Equal(_) => {

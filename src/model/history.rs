@@ -150,8 +150,8 @@ pub struct Touch<'a> {
     pub v_rel: &'a Vec3,
     /// s_i + s_j, m/s; s_j = 0 for a wall.
     pub spins: &'a Vec3,
-    /// w_n.n, the spin about the normal with which the contact turns, rad/s: (w_i + w_j).n/2, or w_i.n/2 for a
-    /// wall.
+    /// w_n.n, the spin about the normal with which the contact turns, rad/s: (w_i + w_j).n/2, or w_i.n/2 for
+    /// a wall.
     pub spin_n: f64,
     /// What the sizes of the partners mean.
     pub size: Partners,

@@ -1,5 +1,5 @@
-//! What is simulated, as pure functions: the contact law, what contacts remember, walls, effects, and the size and
-//! state of a particle.
+//! What is simulated, as pure functions: the contact law, what contacts remember, walls, effects, and the
+//! size and state of a particle.
 
 pub mod columns;
 pub mod contact;

@@ -3,7 +3,8 @@
 //! With radii r_i and r_j the paper's equations for equal spheres become:
 //!
 //! - the gap is l = d - (r_i + r_j), with the distance d of the centres;
-//! - the slip is that of s_i + s_j, with the spins s = r w, and the torque over the radius is the same on both;
+//! - the slip is that of s_i + s_j, with the spins s = r w, and the torque over the radius is the same on
+//!   both;
 //! - with friction that remembers, the levers are a_i = r_i d/(r_i + r_j) and a_j = r_j d/(r_i + r_j), which
 //!   together are d: angular momentum is kept, and a pair that turns as a whole is not sheared;
 //! - a slip moves m_e/3.5, or m_e without rotation, with 1/m_e = 1/m_i + 1/m_j;
@@ -42,8 +43,8 @@ impl Size {
     }
 }
 
-/// What the squared distance that sphere `k` moves is multiplied by, so that it compares with those of spheres
-/// with the typical radius `r` (m). Without `sizes` all are typical.
+/// What the squared distance that sphere `k` moves is multiplied by, so that it compares with those of
+/// spheres with the typical radius `r` (m). Without `sizes` all are typical.
 #[inline(always)]
 pub fn squared_scale(sizes: &[Size], k: usize, r: f64) -> f64 {
     match sizes.get(k) {

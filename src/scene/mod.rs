@@ -78,8 +78,8 @@ pub struct Scene {
 
 /// The spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
 ///
-/// Columns of the file may give each sphere a radius and a mass of its own. Then radius and mass here are those
-/// of a typical sphere, from which lengths that are left out follow.
+/// Columns of the file may give each sphere a radius and a mass of its own. Then radius and mass here are
+/// those of a typical sphere, from which lengths that are left out follow.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Particles {
@@ -89,8 +89,8 @@ pub struct Particles {
     /// Mass of one particle, kg; > 0. A density gives it as well.
     #[serde(default = "left_out")]
     pub mass: f64,
-    /// Density of the particles, kg/m^3; > 0. [`Scene::parse`] turns it into the mass, and leaves `None` unless
-    /// there is a file: each of its spheres may have a radius of its own.
+    /// Density of the particles, kg/m^3; > 0. [`Scene::parse`] turns it into the mass, and leaves `None`
+    /// unless there is a file: each of its spheres may have a radius of its own.
     #[serde(default)]
     pub density: Option<f64>,
     /// CSV file with the initial condition, as the user wrote it.
@@ -285,8 +285,9 @@ pub struct Solver {
     pub method: MethodName,
     /// Bound on the error of a step in the norm; > 0.
     ///
-    /// [`crate::engine::simulation::tolerance`] gives the default. With the paper's friction, the brake of which
-    /// decides it, it stays `None` after [`Scene::parse`] if it is left out, and where the step is fixed.
+    /// [`crate::engine::simulation::tolerance`] gives the default. With the paper's friction, the brake of
+    /// which decides it, it stays `None` after [`Scene::parse`] if it is left out, and where the step is
+    /// fixed.
     pub tolerance: Option<f64>,
     /// The norm in which the error of a step is measured.
     pub norm: NormName,

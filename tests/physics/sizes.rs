@@ -1,5 +1,5 @@
-//! Spheres of unequal sizes: against another program, what they must keep, and that nothing depends on how they
-//! are numbered.
+//! Spheres of unequal sizes: against another program, what they must keep, and that nothing depends on how
+//! they are numbered.
 
 use crate::common::{Case, Run, assert_near, root};
 use demhybrid::domain::Solo;
@@ -126,7 +126,8 @@ proptest! {
         speeds in proptest::collection::vec(proptest::array::uniform3(-1.0..1.0f64), 8),
         memory in any::<bool>(),
     ) {
-        // Radii from 0.04 to 0.22 m, centres at the corners of a tetrahedron where all nearly touch the first.
+        // Radii from 0.04 to 0.22 m, centres at the corners of a tetrahedron where all nearly touch the
+        // first.
         let radii: Vec<f64> = logs.iter().map(|log| 0.094 * f64::exp(0.85 * log)).collect();
         let masses: Vec<f64> = radii.iter().zip(&densities).map(|(r, d)| 1000.0 * d * r.powi(3)).collect();
         let corners = [[0.0; 3], [1.0, 0.0, 0.0], [-0.6, 0.8, 0.0], [0.0, -0.6, 0.8]];

@@ -1,5 +1,5 @@
-//! Spheres of unequal sizes under mpirun: the same bits on any ranks and threads and through a resume, and their
-//! sizes in the file.
+//! Spheres of unequal sizes under mpirun: the same bits on any ranks and threads and through a resume, and
+//! their sizes in the file.
 
 use crate::mpirun::{Job, Results, assert_same_bits, signal_job};
 use rand::{RngExt, SeedableRng};

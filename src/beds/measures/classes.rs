@@ -40,9 +40,10 @@ impl Classes {
     /// use demhybrid::model::size::Size;
     ///
     /// let sizes = [0.1, 0.2, 0.1].map(|r| Size::new(r, 1.0));
-    /// let classes = Classes::of(&sizes, None, None).unwrap();
+    /// let classes = Classes::of(&sizes, None, None).ok_or("all are alike")?;
     /// assert_eq!(classes.names, ["r = 0.1 m", "r = 0.2 m"]);
     /// assert_eq!(classes.of, [0, 1, 0]);
+    /// # Ok::<(), &str>(())
     /// ```
     pub fn of(sizes: &[Size], species: Option<&Species>, count: Option<usize>) -> Option<Self> {
         if let (Some(species), None) = (species, count) {

@@ -332,8 +332,8 @@ fn pair_barrier_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
 
 /// Warns if the tolerance allows a single step to be entirely wrong.
 ///
-/// In the scaled norm this is an error of sqrt(r/kappa), at most r, or of the velocity scale v. In the paper's norm it is
-/// kappa v^2, the acceleration of a contact at that speed.
+/// In the scaled norm this is an error of sqrt(r/kappa), at most r, or of the velocity scale v. In the
+/// paper's norm it is kappa v^2, the acceleration of a contact at that speed.
 pub(super) fn loose_tolerance_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     let tolerance = scene.solver.tolerance.filter(|_| scene.solver.step.is_none())?;
     let v = initial_condition::velocity_scale(scene, start);

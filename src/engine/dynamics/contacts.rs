@@ -113,11 +113,11 @@ impl ContactRecords {
         self.numbers = parcels.iter().flat_map(|parcel| &parcel[2..]).copied().collect();
     }
 
-    /// The records as a table with one row for each of the particles `ids`: for every contact whose `host` the
-    /// particle is, the other id plus 1 and the numbers; then zeros. Collective.
+    /// The records as a table with one row for each of the particles `ids`: for every contact whose `host`
+    /// the particle is, the other id plus 1 and the numbers; then zeros. Collective.
     ///
-    /// The host is one of the two ids of a contact, a particle; the same on all ranks. Also returns the number
-    /// of contacts for which a row has room.
+    /// The host is one of the two ids of a contact, a particle; the same on all ranks. Also returns the
+    /// number of contacts for which a row has room.
     fn table(&self, comm: &dyn Comm, ids: &[u64], host: &dyn Fn([u64; 2]) -> u64) -> (usize, Vec<f64>) {
         let place: FxHashMap<u64, usize> = ids.iter().copied().zip(0..).collect();
         let mut counts = vec![0; ids.len()];

@@ -283,8 +283,8 @@ impl<'c> Dynamics<'c> {
         if self.columns().sized() { (-least[0] / typical).sqrt().min(1.0) } else { 1.0 }
     }
 
-    /// Weights of the positions of the owned particles in the norm, over those of typical ones; empty where all
-    /// are alike.
+    /// Weights of the positions of the owned particles in the norm, over those of typical ones; empty where
+    /// all are alike.
     pub fn position_weights(&self) -> Vec<f64> {
         let LawParameters { r, kappa, .. } = self.law();
         // As for a typical particle, see `simulation::physics`.
@@ -293,16 +293,16 @@ impl<'c> Dynamics<'c> {
         if self.columns().sized() { (0..self.domain.owned).map(weight).collect() } else { Vec::new() }
     }
 
-    /// Weights of the spins of the owned particles over those of typical ones, where errors are those of angular
-    /// velocities; empty where all are alike.
+    /// Weights of the spins of the owned particles over those of typical ones, where errors are those of
+    /// angular velocities; empty where all are alike.
     pub fn spin_weights(&self) -> Vec<f64> {
         let r = self.law().r;
         let weight = |i: usize| r * self.size(i).per_r;
         if self.columns().sized() { (0..self.domain.owned).map(weight).collect() } else { Vec::new() }
     }
 
-    /// The furthest that a step may move a typical particle, m. A particle of another size may be moved by the
-    /// same share of its radius.
+    /// The furthest that a step may move a typical particle, m. A particle of another size may be moved by
+    /// the same share of its radius.
     pub fn travel(&self) -> f64 {
         TRAVEL * self.law().r
     }

@@ -58,8 +58,8 @@ impl Approach {
 
     /// Takes a contact into account. `closing` (m^2/s) is the speed of the approach times the distance.
     ///
-    /// The gap (m) is the distance less `surfaces`. `m_e` (kg) is the effective mass. Contacts count up to the
-    /// gap `within` (m).
+    /// The gap (m) is the distance less `surfaces`. `m_e` (kg) is the effective mass. Contacts count up to
+    /// the gap `within` (m).
     #[inline(always)]
     fn take(&mut self, closing: f64, squared_distance: f64, [surfaces, within]: [f64; 2], m_e: f64) {
         let LawParameters { kappa, f_0, l_max, .. } = self.law;

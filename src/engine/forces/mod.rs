@@ -165,8 +165,8 @@ impl Forces {
     /// are the owned particles, the others are ghosts.
     ///
     /// Lists pairs and walls within the distances that `shares` of the radii and `gaps` (m) make, see
-    /// [`Reach`]. `keys` belong to the bodies; those of the owned particles are ascending. So do `sizes`, which
-    /// are empty where all particles are alike.
+    /// [`Reach`]. `keys` belong to the bodies; those of the owned particles are ascending. So do `sizes`,
+    /// which are empty where all particles are alike.
     ///
     /// `exports` are the local indices of the owned particles that are ghosts on other ranks.
     pub fn list(

@@ -144,8 +144,8 @@ impl Batch {
         }
     }
 
-    /// Fills the rows of `pairs` of spheres with these `sizes`, by slot. With a memory a typical sphere has the
-    /// mass `typical` (kg); `resists` says whether anything resists rolling or twisting.
+    /// Fills the rows of `pairs` of spheres with these `sizes`, by slot. With a memory a typical sphere has
+    /// the mass `typical` (kg); `resists` says whether anything resists rolling or twisting.
     #[inline(always)]
     pub fn put_pairs<const N: usize>(
         &mut self,
@@ -203,8 +203,8 @@ impl Batch {
         Partners { surfaces: self.surfaces[k], per_surfaces, slipped, turned, arms: [first, second] }
     }
 
-    /// Finds the spins about the normals with which the first `count` contacts turn. Normals and spins must be
-    /// set; `alike` says that all partners are alike.
+    /// Finds the spins about the normals with which the first `count` contacts turn. Normals and spins must
+    /// be set; `alike` says that all partners are alike.
     #[inline(always)]
     pub fn find_spins<L: Lanes, const N: usize>(&mut self, count: usize, partner: Partner, alike: bool) {
         let rows = 0..Batch::rows(count);

@@ -110,8 +110,8 @@ pub trait Kernel: Send + Sync {
     /// Starts the slopes of `bodies`: their velocities, no force, no torque.
     fn start_slopes(&self, bodies: &[f64], slopes: &mut [f64]);
     /// `start_slopes`. Also returns the largest squared distance of the bodies from their positions in
-    /// `starts`, m^2; infinite where a position is NaN. The distances are scaled as their `sizes` say, which are
-    /// empty where all are alike, see [`squared_scale`].
+    /// `starts`, m^2; infinite where a position is NaN. The distances are scaled as their `sizes` say, which
+    /// are empty where all are alike, see [`squared_scale`].
     fn start_stage(&self, bodies: &[f64], starts: &[f64], sizes: &[Size], slopes: &mut [f64]) -> f64;
     /// Adds forces and torques of `walls` to the slopes of the sweep.
     ///

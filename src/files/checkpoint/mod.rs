@@ -95,8 +95,8 @@ pub fn clear(output: &Path) {
     let _ = std::fs::remove_file(stop_file(output));
 }
 
-/// Upper bound of the size of one checkpoint of `count` particles, bytes. The memory of a contact has `memory`
-/// numbers.
+/// Upper bound of the size of one checkpoint of `count` particles, bytes. The memory of a contact has
+/// `memory` numbers.
 pub fn bytes(count: u64, columns: &Columns, memory: usize) -> u64 {
     // As many contacts as equal spheres within the usual cutoff can have, each with the other id and with its
     // memory in three vectors.

@@ -63,8 +63,8 @@ impl InitialCondition {
         OwnSizes { typical, each }
     }
 
-    /// The mean radius (m), if there is a column of radii, and the mean mass (kg), if there is one of masses or
-    /// densities; those without a radius of their own have the radius `r` (m).
+    /// The mean radius (m), if there is a column of radii, and the mean mass (kg), if there is one of masses
+    /// or densities; those without a radius of their own have the radius `r` (m).
     pub(crate) fn means(&self, r: Option<f64>) -> [Option<f64>; 2] {
         let radii = self.column(RADIUS);
         let radius = |i: usize| radii.map_or(r, |radii| Some(radii[i])).unwrap_or(f64::NAN);
