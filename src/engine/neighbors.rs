@@ -527,6 +527,49 @@ mod tests {
     }
 
     #[test]
+    fn lists_of_unequal_spheres_hold_the_pairs_that_their_own_radii_reach() {
+        let (x, keys) = keyed(160, 120, [1.0, 1.0, 0.5], 6);
+        let radius = |i: usize| if i.is_multiple_of(40) { 0.25 } else { 0.01 + 2e-4 * (i % 50) as f64 };
+        let sizes: Vec<Size> = (0..160).map(|i| Size::new(radius(i), 1.0)).collect();
+        let walls = [Wall::new(Vec3::new(0.0, 0.0, -0.2), -Vec3::z())];
+        let within = |share: f64, gap: f64, i: usize, j: usize| {
+            (x[i] - x[j]).norm() <= share * (radius(i) + radius(j)) + gap
+        };
+        for blocks in [1, 3] {
+            let reach = Reach { sizes: Sizes::Each(&sizes), shares: [1.3, 1.6], gaps: [0.02; 2] };
+            let mut lists = Lists::default();
+            lists.rebuild(&x, &keys, 120, reach, &walls, blocks);
+            let (mut listed, mut near) = (BTreeSet::new(), BTreeSet::new());
+            for block in &mut lists.blocks {
+                let slots: Vec<usize> = (0..block.range.len() + block.ghosts.len())
+                    .map(|slot| block.index(slot as u32))
+                    .collect();
+                let own: Vec<Size> = slots.iter().map(|&i| sizes[i]).collect();
+                let centres: Vec<Vec3> = slots.iter().map(|&i| x[i]).collect();
+                let inner = Reach { sizes: Sizes::Each(&own), shares: [1.05; 2], gaps: [0.02; 2] };
+                block.pick_near(&centres, inner, &walls);
+                let ids = |pair: &[u32; 2]| {
+                    let [i, j] = pair.map(|slot| block.index(slot));
+                    [i.min(j), i.max(j)]
+                };
+                listed.extend(block.pairs.iter().map(ids));
+                near.extend(block.near.iter().map(ids));
+                for i in block.range.clone() {
+                    let slot = (i - block.range.start) as u32;
+                    let is_listed = block.walls.contains(&[slot, 0]);
+                    assert_eq!(is_listed, walls[0].depth(&x[i]) <= 1.6 * radius(i) + 0.02);
+                }
+            }
+            let all = |share: f64| -> BTreeSet<[usize; 2]> {
+                let pairs = (0..120).flat_map(|i| (i + 1..160).map(move |j| [i, j]));
+                pairs.filter(|&[i, j]| within(share, 0.02, i, j)).collect()
+            };
+            assert_eq!((listed, near), (all(1.3), all(1.05)));
+            assert!(all(1.05).len() > 200 && all(1.3).len() > all(1.05).len());
+        }
+    }
+
+    #[test]
     fn every_particle_meets_its_partners_in_the_order_of_sums() {
         let (x, keys) = keyed(120, 90, [1.0, 1.0, 0.5], 3);
         for blocks in [1, 3] {

@@ -294,4 +294,17 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn every_row_may_weigh_its_positions_or_what_follows_its_velocities() {
+        let layout = Layout(vec![Segment { rows: 2, width: 3, positions: 1 }]);
+        let norm = |rate| Norm { weights: vec![vec![1.0; 3]], rate, mean: None, rows: vec![4.0, 0.5] };
+        let largest = |rate, row: usize, c: usize| {
+            norm(rate).largest(layout.row(0, row), |k| f64::from(u8::from(k == 3 * row + c)))
+        };
+        let all = |rate| [0, 1].map(|row| [0, 1, 2].map(|c| largest(rate, row, c)));
+        assert_eq!(all(false), [[4.0, 1.0, 1.0], [0.5, 1.0, 1.0]]);
+        assert_eq!(all(true), [[1.0, 1.0, 4.0], [1.0, 1.0, 0.5]]);
+        assert_eq!(norm(false).largest(layout.whole(0), |_| f64::NAN), f64::INFINITY);
+    }
 }

@@ -222,3 +222,41 @@ fn sizes(comm: &dyn Comm, y: &[f64], width: usize) -> [f64; 3] {
     comm.max(ends.as_flattened_mut());
     ends.map(|[low, high]| high + low)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::comm::team::team;
+
+    #[test]
+    fn a_large_sphere_makes_ghosts_of_its_own_partners_and_of_no_small_ones_beyond() {
+        // 90 spheres up to z = 3 m; every ninth is 20 times as wide as the others.
+        let radius = |id: usize| if id.is_multiple_of(9) { 0.2 } else { 0.01 + 1e-4 * (id % 7) as f64 };
+        let height = |id: usize| 3.0 * ((id as f64 * 0.618_034) % 1.0);
+        let reach = PairReach { share: 1.3, gap: 0.02, typical: 0.03 };
+        for ranks in [2, 3] {
+            team(ranks, |comm| {
+                let owner = |id: usize| (height(id) / 3.0 * ranks as f64) as usize;
+                let own: Vec<usize> = (0..90).filter(|&id| owner(id) == comm.rank()).collect();
+                let radii: Vec<f64> = own.iter().map(|&id| radius(id)).collect();
+                let slices = SizeSlices::of(comm, &radii, &|i| height(own[i]));
+                let (mut needed, mut kept) = (0, 0);
+                for &i in &own {
+                    for q in (0..ranks).filter(|&q| q != comm.rank()) {
+                        let near = slices.are_near(q, height(i), radius(i), reach);
+                        let theirs = || (0..90).filter(|&j| owner(j) == q);
+                        let apart = |j: usize| (height(i) - height(j)).abs();
+                        let is_needed = theirs().any(|j| apart(j) <= reach.between(radius(i), radius(j)));
+                        assert!(near || !is_needed, "{i} is no ghost of rank {q}");
+                        // A class reaches as far as twice the radii in it.
+                        let may_be = theirs().any(|j| apart(j) <= reach.between(radius(i), 2.0 * radius(j)));
+                        assert!(!near || may_be, "{i} is a ghost of rank {q} for nothing");
+                        needed += usize::from(is_needed);
+                        kept += usize::from(near);
+                    }
+                }
+                assert!(needed > 3 && kept < own.len(), "{needed} and {kept} of {}", own.len());
+            });
+        }
+    }
+}
