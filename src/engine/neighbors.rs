@@ -565,7 +565,7 @@ mod tests {
                 pairs.filter(|&[i, j]| within(share, 0.02, i, j)).collect()
             };
             assert_eq!((listed, near), (all(1.3), all(1.05)));
-            assert!(all(1.05).len() > 200 && all(1.3).len() > all(1.05).len());
+            assert!(all(1.05).len() > 20 && all(1.3).len() > all(1.05).len());
         }
     }
 
