@@ -373,6 +373,16 @@ pub struct LawParameters {
 }
 
 impl LawParameters {
+    /// The way with which errors of position of a sphere with the radius `r` (m) are compared, m:
+    /// sqrt(r/kappa), at most r.
+    ///
+    /// A contact that carries the force m v^2/r, with the velocity scale v, has the stiffness kappa m v^2/r.
+    /// There a position that is wrong by that way and a velocity that is wrong by v are worth the same
+    /// energy.
+    pub fn position_scale(&self, r: f64) -> f64 {
+        (r / self.kappa).sqrt().min(r)
+    }
+
     /// Repulsion F at `gap` (m), in N, eq. (2.1).
     #[inline(always)]
     pub fn repulsion<A: Arithmetic>(&self, gap: f64) -> f64 {

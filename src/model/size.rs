@@ -23,6 +23,8 @@
 /// let bead = Size::new(2e-3, 1e-4);
 /// assert_eq!((bead.r, bead.mass), (2e-3, 1e-4)); // m, kg
 /// assert_eq!(bead.per_r, 500.0); // 1/m
+/// let dust = Size::new(1e-3, 1.25e-5);
+/// assert_eq!(bead.lightest_of([bead, dust].into_iter()), 0.5); // m/r is a quarter
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Size {
@@ -40,6 +42,14 @@ impl Size {
     /// A sphere with the radius `r` (m) and this `mass` (kg).
     pub fn new(r: f64, mass: f64) -> Self {
         Size { r, per_r: 1.0 / r, mass, per_mass: 1.0 / mass }
+    }
+
+    /// Root of m/r of the one of `others` for which it is least, over that of this typical sphere; at most 1.
+    ///
+    /// Forces of contacts go with m v^2/r: a force that such a sphere does not feel is smaller by its square.
+    pub fn lightest_of(&self, others: impl Iterator<Item = Size>) -> f64 {
+        let share = |size: Size| (size.mass * size.per_r / (self.mass * self.per_r)).sqrt();
+        others.map(share).fold(1.0, f64::min)
     }
 }
 

@@ -13,12 +13,17 @@ const LAST: [u8; 3] = [253, 231, 37];
 
 /// A run of two spheres without gravity, one at rest, one that moves to the right: frames at 0, 0.5 and 1 s.
 fn run() -> TempDir {
+    run_of("radius = 0.1\nmass = 1.0", "x,y,z,vx,vy,vz\n0,0,0,0,0,0\n0.5,0,1,1,0,0\n")
+}
+
+/// A run without gravity of spheres whose sizes are `particles` and which start from the table `start`.
+fn run_of(particles: &str, start: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
-    let scene = "
+    let scene = format!(
+        "
 t_end = 1.0
 [particles]
-radius = 0.1
-mass = 1.0
+{particles}
 file = 'start.csv'
 [contact]
 repulsion_at_contact = 10.0
@@ -28,9 +33,10 @@ dissipation_focusing = 10.0
 interaction_distance = 0.1
 [output]
 interval = 0.5
-";
+"
+    );
     fs::write(folder.path().join("two.toml"), scene).unwrap();
-    fs::write(folder.path().join("start.csv"), "x,y,z,vx,vy,vz\n0,0,0,0,0,0\n0.5,0,1,1,0,0\n").unwrap();
+    fs::write(folder.path().join("start.csv"), start).unwrap();
     Job::alone(folder.path(), &["two.toml", "-q"]).run().with_code(0);
     folder
 }
@@ -200,24 +206,8 @@ fn mistakes_name_option_and_value_and_write_nothing() {
 /// A run of three spheres at rest: one of 0.4 m, one of 0.1 m on its right, a tiny one on its left, all in a
 /// row along x; two species.
 fn sized_run() -> TempDir {
-    let folder = TempDir::new().unwrap();
-    let scene = "
-t_end = 0.1
-particles = { density = 2500.0, file = 'start.csv' }
-[contact]
-repulsion_at_contact = 10.0
-stiffness_exponent = 150.0
-restitution = 0.4
-dissipation_focusing = 10.0
-interaction_distance = 0.1
-[output]
-interval = 0.1
-";
-    fs::write(folder.path().join("two.toml"), scene).unwrap();
     let start = "x,y,z,radius,species\n0,0,0,0.4,gravel\n0.7,0,0,0.1,sand\n-0.7,0,0,0.02,sand\n";
-    fs::write(folder.path().join("start.csv"), start).unwrap();
-    Job::alone(folder.path(), &["two.toml", "-q"]).run().with_code(0);
-    folder
+    run_of("density = 2500.0", start)
 }
 
 #[test]

@@ -275,21 +275,18 @@ impl<'c> Dynamics<'c> {
     /// Root of m/r of the particle for which it is least, over that of a typical one. It is 1 where all are
     /// alike. Collective.
     pub fn lightest(&self) -> f64 {
-        let typical = self.mass() / self.law().r;
-        let sizes = (0..self.domain.owned).map(|i| self.size(i));
-        let least = sizes.fold(f64::INFINITY, |least, size| least.min(size.mass * size.per_r));
-        let mut least = [-least];
-        self.domain.comm.max(&mut least);
-        if self.columns().sized() { (-least[0] / typical).sqrt().min(1.0) } else { 1.0 }
+        let own = (0..self.domain.owned).map(|i| self.size(i));
+        let typical = Size::new(self.law().r, self.mass());
+        let mut lightest = [-typical.lightest_of(own)];
+        self.domain.comm.max(&mut lightest);
+        if self.columns().sized() { -lightest[0] } else { 1.0 }
     }
 
     /// Weights of the positions of the owned particles in the norm, over those of typical ones; empty where
     /// all are alike.
     pub fn position_weights(&self) -> Vec<f64> {
-        let LawParameters { r, kappa, .. } = self.law();
-        // As for a typical particle, see `simulation::physics`.
-        let way = |r: f64| (r / kappa).sqrt().min(r);
-        let weight = |i: usize| way(r) / way(self.size(i).r);
+        let law = self.law();
+        let weight = |i: usize| law.position_scale(law.r) / law.position_scale(self.size(i).r);
         if self.columns().sized() { (0..self.domain.owned).map(weight).collect() } else { Vec::new() }
     }
 

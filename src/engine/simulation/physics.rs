@@ -48,10 +48,8 @@ pub(super) fn error_control(
     let (solver, r) = (&scene.solver, scene.particles.radius);
     let paper = solver.norm == NormName::Paper;
     let law = effects::law(scene);
-    // A contact that carries the typical force m v^2/r, with the velocity scale v, has the stiffness kappa m
-    // v^2/r. So a position that is wrong by sqrt(r/kappa) is worth as much energy there as a velocity that is
-    // wrong by v. Against the radius, an error of many 1/kappa would count as none.
-    let way = (r / law.kappa).sqrt().min(r);
+    // Against the radius, an error of many 1/kappa would count as none.
+    let way = law.position_scale(r);
     // Positions over that way, velocities and spins over the scale. The published norm is that of angular
     // velocities: spins over the radius.
     let [x, v, s] = if paper { [1.0, 1.0, 1.0 / r] } else { [1.0 / way, 1.0 / scale, 1.0 / scale] };

@@ -172,8 +172,7 @@ impl OwnSizes {
     /// Root of m/r of the particle for which it is least, over that of a typical one: how much weaker a force
     /// must be than for a typical one, to the power of 2, so that no particle feels it. At most 1.
     pub fn lightest(&self) -> f64 {
-        let least = self.each.iter().map(|size| size.mass * size.per_r).reduce(f64::min);
-        least.map_or(1.0, |least| (least / (self.typical.mass * self.typical.per_r)).sqrt().min(1.0))
+        self.typical.lightest_of(self.each.iter().copied())
     }
 
     /// The largest radius, m.
