@@ -133,14 +133,20 @@ impl Batch {
         }
     }
 
-    /// Fills all rows for partners that are alike: pairs of equal spheres, or equal spheres at walls.
+    /// Fills the first rows, as many as `contacts` need, for partners that are alike: pairs of equal spheres,
+    /// or equal spheres at walls.
     #[inline(always)]
-    pub fn set_alike(&mut self, r: f64, partner: Partner, remembers: bool) {
-        let partners = Partners::alike(r, partner == Partner::Wall);
-        self.surfaces = [partners.surfaces; BATCH];
+    pub fn set_alike(&mut self, r: f64, partner: Partner, remembers: bool, contacts: usize) {
+        let (partners, rows) =
+            (Partners::alike(r, partner == Partner::Wall), Batch::rows(contacts.min(BATCH)));
+        self.surfaces[..rows].fill(partners.surfaces);
         if remembers {
             let Partners { per_surfaces, slipped, turned, arms, .. } = partners;
-            self.partners = [per_surfaces, slipped, turned, arms[0], arms[1]].map(|number| [number; BATCH]);
+            for (column, number) in
+                self.partners.iter_mut().zip([per_surfaces, slipped, turned, arms[0], arms[1]])
+            {
+                column[..rows].fill(number);
+            }
         }
     }
 
@@ -166,8 +172,9 @@ impl Batch {
         }
         let Some(typical) = typical else { return };
         for k in 0..Batch::rows(pairs.len()) {
-            let [r_i, r_j, per_m_i, per_m_j] = [0, 1, 2, 3].map(|c| self.partners[c][k]);
-            self.put_partners(k, Partners::between([r_i, r_j], [per_m_i, per_m_j], typical, resists));
+            let columns = &self.partners;
+            let (r, per_mass) = ([columns[0][k], columns[1][k]], [columns[2][k], columns[3][k]]);
+            self.put_partners(k, Partners::between(r, per_mass, typical, resists));
         }
     }
 
@@ -199,8 +206,16 @@ impl Batch {
     /// What the sizes of the partners in row `k` mean.
     #[inline(always)]
     fn partners(&self, k: usize) -> Partners {
-        let [per_surfaces, slipped, turned, first, second] = [0, 1, 2, 3, 4].map(|c| self.partners[c][k]);
-        Partners { surfaces: self.surfaces[k], per_surfaces, slipped, turned, arms: [first, second] }
+        // Written out, like all that is done for every row: behind a closure the compiler does not see that row
+        // `k` exists, and computes the last rows of a batch one by one.
+        let columns = &self.partners;
+        Partners {
+            surfaces: self.surfaces[k],
+            per_surfaces: columns[0][k],
+            slipped: columns[1][k],
+            turned: columns[2][k],
+            arms: [columns[3][k], columns[4][k]],
+        }
     }
 
     /// Finds the spins about the normals with which the first `count` contacts turn. Normals and spins must
@@ -374,13 +389,13 @@ impl Batch {
         if let Some(rolling) = &resistance.rolling {
             for k in 0..Batch::rows(count) {
                 let near = within(self.gap[k], self.near[k]);
-                let memory = Vec3::from_fn(|c, _| self.memory[next + c][k]);
+                let memory = self.rolled(k);
                 let (n, v_rel, spins) = (&self.normal(k), &self.velocity(k), &self.spins::<9>(k));
                 let touch = self.touch(k, n, v_rel, spins, &memory);
                 let found = resistance.roll::<L>(rolling, partner, touch, &get_vector(&self.turns, k));
                 for c in 0..3 {
                     self.moment[c][k] = if near { found.moment[c] } else { 0.0 };
-                    self.memory[next + c][k] = if near { found.rate[c] } else { 0.0 };
+                    self.memory[SHEAR + c][k] = if near { found.rate[c] } else { 0.0 };
                 }
             }
             next += 3;
@@ -413,6 +428,12 @@ impl Batch {
         }
     }
 
+    /// The memory of rolling in row `k`, which follows that of the shear.
+    #[inline(always)]
+    fn rolled(&self, k: usize) -> Vec3 {
+        Vec3::new(self.memory[SHEAR][k], self.memory[SHEAR + 1][k], self.memory[SHEAR + 2][k])
+    }
+
     /// Power that `resistance` dissipates in row `k`, with the unit normal `n`, W. All but that must be set.
     #[inline(always)]
     pub fn resisted_power<L: Lanes>(
@@ -425,7 +446,7 @@ impl Batch {
         let (v_rel, spins) = (&self.velocity(k), &self.spins::<9>(k));
         let (difference, mut power, mut next) = (get_vector(&self.turns, k), 0.0, SHEAR);
         if let Some(rolling) = &resistance.rolling {
-            let memory = &Vec3::from_fn(|c, _| self.memory[next + c][k]);
+            let memory = &self.rolled(k);
             let touch = self.touch(k, n, v_rel, spins, memory);
             power += resistance.roll::<L>(rolling, partner, touch, &difference).dissipation;
             next += 3;

@@ -101,7 +101,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
         let (bodies, energies) = (rows::<N>(bodies), law.energies());
         let resistance = law.tangential.resistance();
         let memory = resistance.map_or(SHEAR, Resistance::memory);
-        let is_alike = alike::<T>(sizes, Partner::Sphere, batch);
+        let is_alike = alike::<T>(sizes, Partner::Sphere, block.near.len(), batch);
         for (chunk, pairs) in block.near.chunks(BATCH).enumerate() {
             if T::REMEMBERS {
                 batch.put_memories(&block.near_rows[chunk * BATCH..][..pairs.len()], memories, memory);
@@ -129,7 +129,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
             }
             take_owned(block, pairs, batch, take);
         }
-        let is_alike = alike::<T>(sizes, Partner::Wall, batch);
+        let is_alike = alike::<T>(sizes, Partner::Wall, block.walls.len(), batch);
         for (chunk, contacts) in block.walls.chunks(BATCH).enumerate() {
             if T::REMEMBERS {
                 batch.put_memories(&block.wall_rows[chunk * BATCH..][..contacts.len()], memories, memory);

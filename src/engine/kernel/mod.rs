@@ -360,7 +360,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Walls<'_, R, T, N
     fn work<L: Lanes>(self) {
         let Walls(law, first, contacts, walls, Sweep { bodies, sizes, batch, slopes, memories }) = self;
         let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
-        let (l_max, alike) = (law.parameters.l_max, alike::<T>(sizes, Partner::Wall, batch));
+        let (l_max, alike) = (law.parameters.l_max, alike::<T>(sizes, Partner::Wall, contacts.len(), batch));
         let memory = law.tangential.resistance().map_or(SHEAR, Resistance::memory);
         for (chunk, contacts) in contacts.chunks(BATCH).enumerate() {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
@@ -414,7 +414,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
     fn work<L: Lanes>(self) -> u64 {
         let Pairs(law, pairs, Sweep { bodies, sizes, batch, slopes, memories }) = self;
         let (bodies, slopes) = (rows::<N>(bodies), slopes.as_chunks_mut::<N>().0);
-        let (l_max, alike) = (law.parameters.l_max, alike::<T>(sizes, Partner::Sphere, batch));
+        let (l_max, alike) = (law.parameters.l_max, alike::<T>(sizes, Partner::Sphere, pairs.len(), batch));
         let memory = law.tangential.resistance().map_or(SHEAR, Resistance::memory);
         let mut count = 0;
         for (chunk, pairs) in pairs.chunks(BATCH).enumerate() {
@@ -469,12 +469,12 @@ fn spins<const N: usize>(bodies: &[[f64; N]], pairs: &[[u32; 2]]) -> impl Iterat
     pairs.iter().map(|pair| pair.map(|slot| spin(&bodies[slot as usize])))
 }
 
-/// Whether all spheres have the same size. Then fills the `batch` with what that means for contacts with
-/// these partners.
+/// Whether all spheres have the same size. Then fills the `batch` with what that means for this number of
+/// `contacts` with these partners.
 #[inline(always)]
-fn alike<T: Tangential>(sizes: Sizes, partner: Partner, batch: &mut Batch) -> bool {
+fn alike<T: Tangential>(sizes: Sizes, partner: Partner, contacts: usize, batch: &mut Batch) -> bool {
     match sizes {
-        Sizes::Equal(size) => batch.set_alike(size.r, partner, T::REMEMBERS),
+        Sizes::Equal(size) => batch.set_alike(size.r, partner, T::REMEMBERS, contacts),
         Sizes::Each(_) => return false,
     }
     true
