@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 
+use super::numbers::positive;
 use crate::beds::folder::{prepare_together, stem};
 use crate::domain::agreement::write_on_rank_0;
 use crate::domain::{Comm, stdout};
@@ -168,14 +169,6 @@ Examples:
   mpirun -n 4 demhybrid accuracy configs/settle.toml --threads 1 --studies ensemble --seeds 10 --until 2 --paper
 
 A run that fails, or takes more right-hand sides than a run may, is shown as failed; it ends nothing.";
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
-        Ok(_) => Err("it must be greater than 0 and finite".into()),
-        Err(_) => Err("it must be a number, such as 1e-3".into()),
-    }
-}
 
 fn study_parser() -> impl clap::builder::TypedValueParser<Value = Study> {
     let find = |name: String| Study::ALL.into_iter().find(|study| study.name() == name);

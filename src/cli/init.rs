@@ -1,16 +1,47 @@
 //! `demhybrid init`: writes a scene to start from.
 
+mod bed;
+
 use crate::domain::launch;
 use crate::error::Error;
+use bed::Known;
+use clap::Args;
 use std::fs::OpenOptions;
-use std::io::Write;
-use std::path::Path;
+use std::io::{Write, stderr, stdin};
+use std::path::{Path, PathBuf};
 
 /// The scene, with every key that exists. Keys that may be left out are behind `#`, with their defaults.
 pub const SCENE: &str = include_str!("init.toml");
 
-/// Writes the scene to `path`; with `force` it replaces a file that exists.
-pub fn write(path: &Path, force: bool) -> Result<(), Error> {
+/// What `demhybrid init` is asked for.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub struct InitArgs {
+    /// Scene file to write
+    #[arg(default_value = "scene.toml")]
+    scene: PathBuf,
+    /// Replace an existing file
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    known: Known,
+    /// Ask for what the options leave out
+    #[arg(long)]
+    ask: bool,
+}
+
+/// Writes the scene that `args` ask for: with all keys, or a bed of which something is known.
+pub fn run(args: &InitArgs) -> Result<(), Error> {
+    let known = args.known.clone();
+    let text = match args.ask {
+        true => known.ask(&mut stdin().lock(), &mut stderr())?.scene()?,
+        false if known.is_empty() => SCENE.to_owned(),
+        false => known.scene()?,
+    };
+    write(&args.scene, args.force, &text)
+}
+
+/// Writes `text` to `path`; with `force` it replaces a file that exists.
+fn write(path: &Path, force: bool, text: &str) -> Result<(), Error> {
     let named = path.display();
     let mut options = OpenOptions::new();
     let options = if force {
@@ -18,7 +49,7 @@ pub fn write(path: &Path, force: bool) -> Result<(), Error> {
     } else {
         options.write(true).create_new(true)
     };
-    options.open(path).and_then(|mut file| file.write_all(SCENE.as_bytes())).map_err(|why| {
+    options.open(path).and_then(|mut file| file.write_all(text.as_bytes())).map_err(|why| {
         Error::Input(match why.kind() {
             std::io::ErrorKind::AlreadyExists => {
                 format!("{named}: the file exists; use --force to replace it, or give another name")
@@ -89,11 +120,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.toml");
         std::fs::write(&path, "precious").unwrap();
-        let refused = write(&path, false).unwrap_err();
+        let refused = write(&path, false, SCENE).unwrap_err();
         assert!(refused.to_string().contains("a.toml: the file exists; use --force"), "{refused}");
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "precious");
-        write(&path, true).unwrap();
+        write(&path, true, SCENE).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), SCENE);
-        assert_eq!(write(&folder.path().join("no/a.toml"), false).unwrap_err().exit_code(), 2);
+        assert_eq!(write(&folder.path().join("no/a.toml"), false, SCENE).unwrap_err().exit_code(), 2);
     }
 }

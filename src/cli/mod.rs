@@ -5,13 +5,13 @@ mod analyze;
 pub mod ensemble;
 mod export;
 mod init;
+mod numbers;
 mod region;
 mod render;
 pub mod report;
 pub mod run;
 pub mod tools;
 
-use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use clap::{Parser, Subcommand};
@@ -22,6 +22,7 @@ pub use accuracy::AccuracyArgs;
 pub use analyze::AnalyzeArgs;
 pub use ensemble::EnsembleArgs;
 pub use export::ExportArgs;
+pub use init::InitArgs;
 pub use region::RegionArgs;
 pub use render::RenderArgs;
 pub use run::Args;
@@ -68,14 +69,10 @@ pub enum Tool {
     /// Reads the output file of a run that is finished, stopped or killed. Writes one frame or all of them.
     Export(Box<ExportArgs>),
     /// Write a scene with comments to start from
-    Init {
-        /// Scene file to write
-        #[arg(default_value = "scene.toml")]
-        scene: PathBuf,
-        /// Replace an existing file
-        #[arg(long)]
-        force: bool,
-    },
+    ///
+    /// Without further options it has every key. With any of --radius, --density, --friction, --overlap, --box,
+    /// --count or --ask it is a bed of such spheres that settles, whatever their size.
+    Init(Box<InitArgs>),
     #[allow(missing_docs, reason = "its doc would take the place of the help in RenderArgs")]
     Render(Box<RenderArgs>),
     /// Print the JSON schema of scenes, for editors that complete and check TOML
@@ -161,6 +158,7 @@ mod tests {
     use super::*;
     use crate::ode::MethodName;
     use clap::CommandFactory;
+    use std::path::PathBuf;
 
     fn parse(line: &str) -> Result<Args, clap::Error> {
         match CommandLine::try_parse_from(line.split_whitespace())?.work() {

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use clap::builder::RangedU64ValueParser;
 
+use super::numbers::positive;
 use crate::beds::pictures::{self, Background, Limits, Options, Projection, Quantity, Size};
 use crate::domain::launch;
 use crate::error::Error;
@@ -76,7 +77,7 @@ pub struct RenderArgs {
         value_name = "FACTOR",
         default_value = "1",
         allow_negative_numbers = true,
-        value_parser = factor
+        value_parser = positive
     )]
     pub zoom: f64,
 
@@ -183,13 +184,5 @@ fn triple(text: &str) -> Result<[f64; 3], String> {
         Ok(triple) if triple.iter().all(|c| c.is_finite()) => Ok(triple),
         Ok(_) => Err("its numbers must be finite".into()),
         Err(_) => Err(wrong()),
-    }
-}
-
-fn factor(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
-        Ok(_) => Err("it must be greater than 0 and finite".into()),
-        Err(_) => Err("it must be a number, such as 1.5".into()),
     }
 }

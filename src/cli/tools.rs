@@ -26,7 +26,7 @@ fn run(tool: &Tool) -> Result<(), Error> {
     match tool {
         Tool::Analyze(args) => analyze::run(args),
         Tool::Export(args) => export::run(args),
-        Tool::Init { scene, force } => init::write(scene, *force),
+        Tool::Init(args) => init::run(args),
         Tool::Render(args) => render::run(args),
         Tool::Schema => stdout::print(&scene::schema(), ""),
         Tool::Completions { shell } => {

@@ -64,6 +64,7 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
         }
     };
     initial_condition::check(&scene, &start)?;
+    scene.settle_contacts(&start)?;
     Ok((scene, start))
 }
 

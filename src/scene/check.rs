@@ -231,6 +231,7 @@ pub(super) fn one_radius(source: &Source, scene: &Scene) -> Result<(), Error> {
 pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
     one_mass(source, scene)?;
     one_source(source, scene)?;
+    contacts(source, scene)?;
     if let Some(sides) = &scene.container.r#box {
         box_sides(source, sides)?;
     }
@@ -300,6 +301,69 @@ fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {
         )),
         _ => Ok(()),
     }
+}
+
+/// Checks that the numbers of contacts are given, or what they follow from.
+fn contacts(source: &Source, scene: &Scene) -> Result<(), Error> {
+    let contact = &scene.contact;
+    let numbers = [
+        ("contact.repulsion_at_contact", contact.repulsion_at_contact),
+        ("contact.stiffness_exponent", contact.stiffness_exponent),
+        ("contact.interaction_distance", contact.interaction_distance),
+    ];
+    let pulled = scene.gravity != [0.0; 3];
+    let Some(overlap) = contact.overlap else {
+        if let Some(speed) = contact.drop {
+            let message = format!(
+                "{} is for contact.overlap alone: leave it out, or give contact.overlap in place of \
+                 repulsion_at_contact, stiffness_exponent and interaction_distance",
+                source.assignment("contact.drop", speed, "m/s")
+            );
+            return Err(source.error(source.value("contact.drop"), &message));
+        }
+        let left_out = numbers.iter().find(|(_, number)| number.is_nan());
+        return left_out.map_or_else(
+            || speeds(source, scene),
+            |(path, _)| {
+                Err(missing(
+                    source,
+                    path,
+                    "or contact.overlap = 0.05 in place of all three lengths and forces",
+                ))
+            },
+        );
+    };
+    let overlap = source.assignment("contact.overlap", overlap, "");
+    if let Some((path, _)) = numbers.iter().find(|(_, number)| !number.is_nan()) {
+        let message = format!(
+            "{overlap} and {path} contradict each other: repulsion_at_contact, stiffness_exponent and \
+             interaction_distance follow from it; leave them out, or leave out contact.overlap"
+        );
+        return Err(source.error(source.key(path), &message));
+    }
+    if !pulled && contact.drop.is_none() {
+        let message = format!(
+            "{overlap} needs a load: gravity, e.g. gravity = [0.0, 0.0, -9.81], or the speed of the hardest \
+             impact in m/s, e.g. drop = 0.5 under [contact]"
+        );
+        return Err(source.error(source.value("contact.overlap"), &message));
+    }
+    speeds(source, scene)
+}
+
+/// Checks that speeds of the laws are given where nothing says how fast spheres are.
+fn speeds(source: &Source, scene: &Scene) -> Result<(), Error> {
+    if scene.contact.dissipation_focusing.is_nan() {
+        return Err(missing(source, "contact.dissipation_focusing", "with gravity it may be left out"));
+    }
+    Ok(())
+}
+
+/// The error of a key that is missing; `or` says what would do in its place.
+fn missing(source: &Source, path: &str, or: &str) -> Error {
+    let key = KEYS.iter().find(|key| key.path == path);
+    let (help, table) = (key.map(Key::help).unwrap_or_default(), key.map_or("", |key| key.table()));
+    source.error(source.key(table), &format!("{path} is missing: {help}; {or}"))
 }
 
 fn box_sides(source: &Source, sides: &BoxSides) -> Result<(), Error> {
@@ -433,11 +497,8 @@ fn friction(source: &Source, scene: &Scene) -> Result<(), Error> {
     if friction.law == FrictionLaw::History || friction.regularization_velocity.is_some() {
         return Ok(());
     }
-    let key = keys::of_table("friction").find(|key| key.name() == "regularization_velocity");
-    let help = key.map(Key::help).unwrap_or_default();
-    let message =
-        format!("friction.regularization_velocity is missing: {help}; law = \"history\" needs none");
-    Err(source.error(source.value("friction"), &message))
+    let or = "with gravity it may be left out, and law = \"history\" needs none";
+    Err(missing(source, "friction.regularization_velocity", or))
 }
 
 fn steps(source: &Source, scene: &Scene) -> Result<(), Error> {

@@ -5,7 +5,7 @@ use super::stop::Units;
 use crate::model::effects::FrictionLaw;
 use crate::ode::{MethodName, NormName};
 use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word, WordOrNumber};
-use Range::{Finite, NotNegative, Positive, PositiveOrInfinite, Share};
+use Range::{Finite, NotNegative, PartOf, Positive, PositiveOrInfinite, Share};
 
 /// The description of one key.
 pub(super) struct Key {
@@ -53,6 +53,7 @@ pub(super) enum Range {
     Positive,
     NotNegative,
     Share,
+    PartOf,
     PositiveOrInfinite,
 }
 
@@ -77,8 +78,7 @@ pub(super) const KEYS: &[Key] = &[
     optional("container", Table,
              "the table of the walls", "{ box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] } }"),
     required("contact", Table, "the table of the contact law",
-             "[contact] with repulsion_at_contact, stiffness_exponent, restitution, dissipation_focusing and \
-              interaction_distance"),
+             "[contact] with overlap and restitution"),
     optional("friction", Table,
              "the table of the friction law", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
     optional("solver", Table, "the table of the time stepping", "{ tolerance = 0.1 }"),
@@ -117,12 +117,15 @@ pub(super) const KEYS: &[Key] = &[
     optional("container.wall.normal", Vector { open: false },
              "the outward normal of the wall, of any length", "[0.0, 0.0, -1.0]"),
 
-    required("contact.repulsion_at_contact", Number(Positive),
+    optional("contact.overlap", Number(PartOf), "the largest share of the radius that a load presses in", "0.05"),
+    optional("contact.drop", Number(Positive),
+             "the speed in m/s of the hardest impact that contact.overlap is for", "0.5"),
+    optional("contact.repulsion_at_contact", Number(Positive),
              "the repulsion F_0 of spheres that just touch in N", "10.0"),
-    required("contact.stiffness_exponent", Number(Positive), "the stiffness exponent kappa in 1/m", "150.0"),
+    optional("contact.stiffness_exponent", Number(Positive), "the stiffness exponent kappa in 1/m", "150.0"),
     required("contact.restitution", Number(Share), "the coefficient of restitution (1 = elastic)", "0.4"),
-    required("contact.dissipation_focusing", Number(Positive), "the dissipation focusing psi in s/m", "10.0"),
-    required("contact.interaction_distance", Number(Positive),
+    optional("contact.dissipation_focusing", Number(Positive), "the dissipation focusing psi in s/m", "10.0"),
+    optional("contact.interaction_distance", Number(Positive),
              "the gap l_max in m beyond which spheres do not interact", "0.1"),
 
     optional("friction.law", Word(FrictionLaw::NAMES), "the law of friction", "\"history\""),
@@ -231,6 +234,7 @@ impl Range {
             Positive => value > 0.0 && value.is_finite(),
             NotNegative => value >= 0.0 && value.is_finite(),
             Share => (0.0..=1.0).contains(&value),
+            PartOf => value > 0.0 && value < 1.0,
             PositiveOrInfinite => value > 0.0,
         }
     }
@@ -241,6 +245,7 @@ impl Range {
             Positive => "a finite number > 0",
             NotNegative => "a finite number >= 0",
             Share => "a number in 0..1",
+            PartOf => "a number > 0 and < 1",
             PositiveOrInfinite => "a number > 0 or inf",
         }
     }
@@ -255,7 +260,11 @@ mod tests {
     use super::*;
     use crate::scene::Scene;
 
-    /// All examples as one scene, except two keys that exclude others: `particles.file` and `solver.step`.
+    /// Keys that exclude others.
+    const ALTERNATIVES: [&str; 5] =
+        ["particles.density", "particles.file", "contact.overlap", "contact.drop", "solver.step"];
+
+    /// All examples as one scene, without the keys that exclude others.
     fn scene_of_examples() -> String {
         let mut text = String::new();
         for table in [
@@ -277,7 +286,7 @@ mod tests {
                 text += &format!("[{table}]\n");
             }
             for key in of_table(table) {
-                let alternative = ["particles.density", "particles.file", "solver.step"].contains(&key.path);
+                let alternative = ALTERNATIVES.contains(&key.path);
                 if !matches!(key.kind, Table) && !alternative {
                     text += &format!("{} = {}\n", key.name(), key.example);
                 }
@@ -295,8 +304,7 @@ mod tests {
     fn the_keys_of_the_list_are_the_keys_of_the_structs() {
         let scene = Scene::parse("examples.toml", &scene_of_examples(), &[]).unwrap();
         let resolved: toml::Table = scene.resolved().parse().unwrap();
-        let mut paths: Vec<_> =
-            ["particles.density", "particles.file", "solver.step"].map(str::to_owned).into();
+        let mut paths: Vec<_> = ALTERNATIVES.map(str::to_owned).into();
         fn collect(table: &toml::Table, above: &str, paths: &mut Vec<String>) {
             for (name, value) in table {
                 let path = format!("{above}{name}");

@@ -7,6 +7,7 @@
 
 pub mod caveats;
 mod check;
+pub mod contact_scales;
 pub mod effects;
 pub mod initial_condition;
 mod keys;
@@ -24,6 +25,7 @@ use crate::error::Error;
 use crate::model::effects::FrictionLaw;
 use crate::ode::{MethodName, NormName};
 pub(crate) use check::cells_along;
+use contact_scales::ContactScales;
 pub use schema::schema;
 use source::Source;
 pub use source::split_values;
@@ -74,6 +76,9 @@ pub struct Scene {
     pub limits: Option<Limits>,
     /// When the particles count as at rest, which ends the run.
     pub stop: Option<stop::Stop>,
+    /// What `contact.overlap` was turned into by [`Scene::settle_contacts`], for those who tell it.
+    #[serde(skip)]
+    pub scales: Option<ContactScales>,
 }
 
 /// The spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
@@ -145,6 +150,11 @@ const LEFT_OUT: f64 = f64::NAN;
 
 fn left_out() -> f64 {
     LEFT_OUT
+}
+
+/// Whether a number still is [`LEFT_OUT`]. By reference, as serde calls it.
+fn is_left_out(number: &f64) -> bool {
+    number.is_nan()
 }
 
 /// The paper's randomly perturbed grid (Fig. 4.2a), filled layer by layer from the bottom.
@@ -224,15 +234,27 @@ impl Default for WallPlane {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
-    /// Repulsion F_0 of surfaces that just touch, N; > 0.
+    /// The largest share of the radius that a load presses in, in place of F_0, kappa and l_max; > 0, below 1.
+    /// `None` after [`Scene::settle_contacts`], which turns it into those three.
+    #[serde(default)]
+    pub overlap: Option<f64>,
+    /// Speed of the hardest impact that counts as such a load, m/s; > 0. Only beside `overlap`.
+    #[serde(default)]
+    pub drop: Option<f64>,
+    /// Repulsion F_0 of surfaces that just touch, N; > 0. It, kappa and l_max are NaN until `overlap` is
+    /// turned into them.
+    #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
     pub repulsion_at_contact: f64,
     /// Stiffness exponent kappa, 1/m; > 0.
+    #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
     pub stiffness_exponent: f64,
     /// Coefficient of restitution e, in 0..=1.
     pub restitution: f64,
-    /// Dissipation focusing psi, s/m; > 0.
+    /// Dissipation focusing psi, s/m; > 0. 10/sqrt(g r) if left out.
+    #[serde(default = "left_out")]
     pub dissipation_focusing: f64,
     /// Gap l_max beyond which surfaces do not interact, m; > 0.
+    #[serde(default = "left_out", skip_serializing_if = "is_left_out")]
     pub interaction_distance: f64,
 }
 
@@ -245,7 +267,8 @@ pub struct Friction {
     pub law: FrictionLaw,
     /// Friction coefficient: phi of the paper's law, mu of the law with memory; >= 0.
     pub coefficient: f64,
-    /// Slip v_min from which the paper's friction has its full strength, m/s; > 0. The paper's law needs it.
+    /// Slip v_min from which the paper's friction has its full strength, m/s; > 0. 0.01 sqrt(g r) if left
+    /// out.
     #[serde(default)]
     pub regularization_velocity: Option<f64>,
     /// Tangential over normal stiffness of the law with memory; > 0. [`DEFAULT_STIFFNESS_RATIO`] if left out.
@@ -392,6 +415,7 @@ impl Scene {
         check::one_radius(&source, &scene)?;
         scene.fill_in_mass();
         scene.fill_in_lengths();
+        scene.fill_in_speeds();
         scene.fill_in_output(name);
         scene.fill_in_tolerance();
         let remembers = scene.friction.as_ref().is_some_and(|friction| friction.law == FrictionLaw::History);

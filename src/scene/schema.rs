@@ -56,6 +56,7 @@ fn number(range: Range) -> Value {
         Range::Finite => json!({ "type": "number" }),
         Range::Positive | Range::PositiveOrInfinite => json!({ "type": "number", "exclusiveMinimum": 0 }),
         Range::NotNegative => json!({ "type": "number", "minimum": 0 }),
+        Range::PartOf => json!({ "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1 }),
         Range::Share => json!({ "type": "number", "minimum": 0, "maximum": 1 }),
     }
 }

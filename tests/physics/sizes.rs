@@ -95,6 +95,23 @@ fn a_small_sphere_rests_on_a_large_one_as_deep_as_its_own_weight_presses_it() {
     assert_near("height of the small sphere, m", end.end().x[1].z, small, 1e-4);
 }
 
+#[test]
+fn the_largest_share_that_is_pressed_in_is_that_of_the_sphere_which_it_is_in() {
+    // One above the other: the floor and the upper sphere press the lower one in.
+    let share = |radii: [f64; 2], masses: [f64; 2]| {
+        let [low, high] = [radii[0], 2.0 * radii[0] + radii[1]].map(|z| Vec3::z() * z);
+        let case = Case::defaults().heavy().floor().set("t_end", 0.5);
+        let overlap = run(&case.sphere(low, Vec3::zeros()).sphere(high, Vec3::zeros()), &radii, &masses);
+        overlap.outcome.largest_overlap
+    };
+    let crushed = share([0.05, 0.2], [0.125, 8.0]);
+    assert!(crushed.length > 0.017, "{crushed:?}"); // ln(m g/(rho(0) F_0))/kappa at rest, m
+    assert_near("share of the small sphere", crushed.share, crushed.length / 0.05, 1e-12);
+    // The same weight presses the large one in by as much, which is less of it.
+    let borne = share([0.2, 0.05], [8.0, 0.125]);
+    assert_near("share of the large sphere", borne.share, borne.length / 0.2, 1e-12);
+}
+
 /// A cluster of spheres that meet in free space, with friction of either kind.
 fn cluster(bodies: &[([f64; 3], [f64; 3], [f64; 3])], memory: bool) -> Case {
     let case = Case::tight().set("contact.interaction_distance", 0.3).set("t_end", 0.15);

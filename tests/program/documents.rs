@@ -258,6 +258,7 @@ follow! {
     "docs/running.md": a_scene_from_init_to_two_ranks,
     "docs/scene.md": a_scene_with_every_table,
     "docs/tutorial-bed.md": a_bed_for_a_pore_scale_solver,
+    "docs/tutorial-beads.md": a_bed_of_beads,
     "docs/tutorial-ensemble.md": an_ensemble_on_a_cluster,
     "docs/tutorial-tolerance.md": choosing_a_tolerance,
 }

@@ -4,6 +4,7 @@
 mod accuracy;
 mod analyze;
 mod analyze_sizes;
+mod beds;
 #[cfg(feature = "long-tests")]
 mod browser;
 #[cfg(feature = "long-tests")]

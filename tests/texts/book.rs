@@ -65,6 +65,7 @@ fn type_and_range(path: &str, entry: &Value) -> [String; 2] {
         "boolean" => of("switch", "true, false"),
         "string" => of("text", "not empty"),
         "integer" => of("integer", &format!("{}..{}", entry["minimum"], entry["maximum"])),
+        _ if entry["exclusiveMaximum"] == 1 => of("number", "> 0 and < 1"),
         _ if entry["exclusiveMinimum"] == 0 => of("number", "> 0"),
         _ if entry["maximum"] == 1 => of("number", "0..1"),
         _ if entry["minimum"] == 0 => of("number", ">= 0"),
@@ -108,6 +109,10 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
     // What a scene cannot say in TOML: computed, drawn, or absent.
     let in_words = BTreeMap::from([
         ("container.box.max", "10 radii in x and y, inf"),
+        ("contact.dissipation_focusing", "10/sqrt(g r); required without gravity"),
+        ("contact.interaction_distance", "required; or `contact.overlap`"),
+        ("contact.repulsion_at_contact", "required; or `contact.overlap`"),
+        ("contact.stiffness_exponent", "required; or `contact.overlap`"),
         ("output.file", "name of the scene"),
         ("output.interval", "t_end/100"),
         ("particles.density", "none; this or `particles.mass`"),
@@ -117,7 +122,7 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
         ("particles.grid.jitter", "radius/4"),
         ("particles.grid.seed", "drawn"),
         ("particles.grid.spacing", "2.5 radii"),
-        ("friction.regularization_velocity", "none; required by `regularized`"),
+        ("friction.regularization_velocity", "0.01 sqrt(g r); required by `regularized` without gravity"),
         ("particles.radius", "none; required unless `particles.file` has radii"),
         ("friction.stiffness_ratio", "0.5"),
         ("friction.damping", "1"),

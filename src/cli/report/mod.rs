@@ -185,6 +185,9 @@ pub fn plan(
     line("time", format!("to t = {} s, {} frames", short(scene.t_end), frames(scene)));
     line("solver", solver(scene, start));
     line("contacts", contacts(scene, cutoff));
+    for why in scene.scales.iter().flat_map(|scales| scales.explain()) {
+        line("", why);
+    }
     line("rest", Rest::of(scene, scale).map_or_else(|| "not looked for: no [stop]".to_owned(), at_rest));
     let per_particle = bytes_per_particle(scene);
     let start_bytes = START_BYTES * count * comm.size() as u64;
@@ -310,7 +313,6 @@ pub fn summary(
     let [peak, ghosts, bytes] = sums;
     let Counts { accepted, rejected, outrun, forced, rhs, pairs, rebuilds, limits } = outcome.counts;
     let count = course.count.max(1);
-    let r = scene.particles.radius;
     let per = |x: u64, of: f64| x as f64 / of.max(1.0);
     let clocks = &outcome.clocks;
     let end = if outcome.stopped.is_some() { "stopped" } else { "done" };
@@ -363,8 +365,8 @@ pub fn summary(
         "largest overlap",
         format!(
             "{} m ({} % of {}) at a frame",
-            rough(outcome.largest_overlap),
-            rough(100.0 * outcome.largest_overlap / r),
+            rough(outcome.largest_overlap.length),
+            rough(100.0 * outcome.largest_overlap.share),
             particles::whose_radius(start, scene)
         ),
     );

@@ -61,7 +61,7 @@ pub(super) fn species(start: &InitialCondition) -> Option<String> {
 pub(super) fn whose_radius(start: &InitialCondition, scene: &Scene) -> &'static str {
     match start.sizes(scene).as_sizes() {
         Sizes::Equal(_) => "the radius",
-        Sizes::Each(_) => "the typical radius",
+        Sizes::Each(_) => "the radius, where that is most",
     }
 }
 
@@ -84,7 +84,7 @@ mod tests {
         scene.particles.mass = 0.1;
         let told = particles(&scene, &three);
         assert_eq!(told, "3 of radius 0.02 to 0.11 m (typical 0.06 m), mass 0.1 kg");
-        assert_eq!(whose_radius(&three, &scene), "the typical radius");
+        assert_eq!(whose_radius(&three, &scene), "the radius, where that is most");
 
         let names = ["sand", "gravel"].map(str::to_owned).into();
         three.columns.push((Column { names, ..column(SPECIES, "1") }, vec![0.0, 1.0, 0.0]));

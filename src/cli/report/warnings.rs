@@ -2,7 +2,6 @@
 
 use super::forewarnings::loose_tolerance_warning;
 use super::monitor::Monitor;
-use super::particles::whose_radius;
 use crate::domain::Comm;
 use crate::engine::simulation::{FrameSummary, Outcome};
 use crate::math::digits::{rough, short};
@@ -72,16 +71,17 @@ fn lost_energy_warning(scene: &Scene, start: &InitialCondition, course: &FrameSu
     })
 }
 
-/// Warns if spheres overlapped deeply at a frame, by `overlap` (m) at most. Where radii differ, the mean one
-/// is the measure: which spheres these were is not known.
-fn deep_overlap_warning(scene: &Scene, start: &InitialCondition, overlap: f64) -> Option<String> {
-    let share = overlap / scene.particles.radius;
+/// Warns if spheres overlapped deeply at a frame, by `share` of a radius at most.
+fn deep_overlap_warning(scene: &Scene, share: f64) -> Option<String> {
+    let key = match scene.scales {
+        Some(_) => "a smaller contact.overlap",
+        None => "a larger contact.stiffness_exponent",
+    };
     (share > DEEP).then(|| {
         format!(
-            "warning: the largest overlap is {} of {}: the contacts are soft for this load; a larger \
-             contact.stiffness_exponent makes them harder",
-            rough(share),
-            whose_radius(start, scene)
+            "warning: the largest overlap is {} of the radius: the contacts are soft for this load; {key} makes \
+             them harder",
+            rough(share)
         )
     })
 }
@@ -105,7 +105,7 @@ pub fn doubts(
             short(scene.solver.min_step)
         ));
     }
-    doubts.extend(deep_overlap_warning(scene, start, outcome.largest_overlap));
+    doubts.extend(deep_overlap_warning(scene, outcome.largest_overlap.share));
     if loose_tolerance_warning(scene, start).is_some() {
         let by_error = Limit::ALL.iter().zip(counts.limits).find(|(limit, _)| **limit == Limit::Error);
         doubts.push(format!(
@@ -122,8 +122,10 @@ pub fn doubts(
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{scene, sized};
+    use super::super::testing::scene;
     use super::*;
+    use crate::model::size::Size;
+    use crate::scene::contact_scales::ContactScales;
 
     fn course(residual: f64) -> FrameSummary {
         FrameSummary {
@@ -155,14 +157,15 @@ mod tests {
     }
 
     #[test]
-    fn a_deep_overlap_is_told_as_a_share_of_the_radius_or_of_the_mean_radius() {
-        let (scene, alike) = (scene(&[]), InitialCondition::default());
-        let warning = deep_overlap_warning(&scene, &alike, 0.04).unwrap();
+    fn a_deep_overlap_is_told_with_the_key_that_makes_contacts_harder() {
+        let mut scene = scene(&[]);
+        let warning = deep_overlap_warning(&scene, 0.4).unwrap();
         assert!(warning.contains("is 0.4 of the radius: "), "{warning}");
-        assert_eq!(deep_overlap_warning(&scene, &alike, 0.02), None);
-        let two = sized(vec![[0.5; 3]; 2], [0.05, 0.15], [1.0; 2]);
-        let warning = deep_overlap_warning(&scene, &two, 0.04).unwrap();
-        assert!(warning.contains("is 0.4 of the typical radius: "), "{warning}");
+        assert!(warning.contains("a larger contact.stiffness_exponent"), "{warning}");
+        assert_eq!(deep_overlap_warning(&scene, 0.2), None);
+        scene.scales = Some(ContactScales::new(0.2, 0.4, 9.81, [0.0; 2], &[Size::new(0.1, 1.0)]));
+        let warning = deep_overlap_warning(&scene, 0.4).unwrap();
+        assert!(warning.contains("a smaller contact.overlap"), "{warning}");
     }
 
     #[test]

@@ -9,6 +9,24 @@ use crate::math::larger;
 use crate::model::columns::{position, spin, velocity};
 use crate::ode::Dissipation;
 use crate::scene::walls::upwards;
+use serde::{Deserialize, Serialize};
+
+/// How far surfaces overlap at most.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Overlap {
+    /// The largest overlap, m.
+    pub length: f64,
+    /// The largest share of its radius by which a sphere overlaps another one or a wall; of two spheres the
+    /// smaller one counts.
+    pub share: f64,
+}
+
+impl Overlap {
+    /// The larger of both.
+    pub fn max(self, other: Overlap) -> Overlap {
+        Overlap { length: self.length.max(other.length), share: self.share.max(other.share) }
+    }
+}
 
 impl Dynamics<'_> {
     /// Kinetic energy of all particles at `y`, J. Collective.
@@ -39,11 +57,11 @@ impl Dynamics<'_> {
     }
 
     /// Potential energy (J) of all contacts and of gravity at `y`, without what contacts remember, and the
-    /// largest overlap (m). Collective.
+    /// largest overlap. Collective.
     ///
     /// The energy of a contact is rho(0) times the energy that it stores, so that the energy H never grows
     /// (docs/model.md).
-    pub fn potential_energy(&mut self, y: &[f64]) -> (f64, f64) {
+    pub fn potential_energy(&mut self, y: &[f64]) -> (f64, Overlap) {
         self.put_bodies(y);
         let BodyParameters { gravity, .. } = self.forces.parameters;
         let (n, comm) = (self.domain.owned, self.domain.comm);
@@ -69,7 +87,19 @@ impl Dynamics<'_> {
             let [stored, _] = forces.total(stores, |terms| [scale.integer(terms[0]), 0]);
             [stored + total(n, height, scale)]
         });
-        (energy, overlap)
+        (energy, Overlap { length: overlap, share: self.largest_share(overlap) })
+    }
+
+    /// The largest overlap as a share of the radius, for the bodies as they are; `overlap` (m) is the largest.
+    /// Collective.
+    fn largest_share(&mut self, overlap: f64) -> f64 {
+        if !self.columns().sized() {
+            return overlap / self.law().r;
+        }
+        let [share, _] = self.forces.largest(Measure::Gap(GapMeasure::Share));
+        let mut share = [share];
+        self.domain.comm.max(&mut share);
+        share[0]
     }
 
     /// Energy that the memories of contacts store at `y`, J. Collective.

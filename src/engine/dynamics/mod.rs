@@ -16,6 +16,7 @@ use crate::scene::walls::{ground, upwards};
 pub use contacts::ContactRecords;
 use contacts::Contacts;
 use decomposition::{Decomposition, PairReach};
+pub use energy::Overlap;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 

@@ -261,6 +261,11 @@ impl Batch {
         [self.n[0][k], self.n[1][k]] = numbers;
     }
 
+    /// Divides the first of the two numbers in each row by that of `radii`.
+    pub fn divide_numbers(&mut self, radii: impl Iterator<Item = f64>) {
+        self.n[0].iter_mut().zip(radii).for_each(|(number, r)| *number /= r);
+    }
+
     /// The numbers that `put_numbers` left in the first `count` rows, as two columns.
     pub fn number_columns(&self, count: usize) -> [&[f64]; 2] {
         [&self.n[0][..count], &self.n[1][..count]]

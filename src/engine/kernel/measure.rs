@@ -35,6 +35,8 @@ pub enum GapMeasure {
     /// How deep a contact is: how far its gap is below the largest gap at which surfaces interact, and its
     /// overlap, m. The field is that largest gap, m. A number that would be negative is 0.
     Depth(f64),
+    /// The overlap as a share of the radius, of two spheres that of the smaller one. The second number is 0.
+    Share,
     /// The energy that a contact stores, J. The second number is 0.
     Stored(AtRest),
 }
@@ -45,6 +47,8 @@ impl GapMeasure {
         let above = |x: f64| if x > 0.0 { x } else { 0.0 };
         match self {
             GapMeasure::Depth(l_max) => [above(l_max - gap), above(-gap)],
+            // Over the radius where sizes are known.
+            GapMeasure::Share => [above(-gap), 0.0],
             GapMeasure::Stored(at_rest) => [at_rest.stored::<A>(gap), 0.0],
         }
     }
@@ -66,6 +70,7 @@ impl Vectorised for Gaps<'_> {
     fn work<L: Lanes>(self) {
         let Gaps(Survey { walls, bodies, sizes, width, block, batch, .. }, measure, take) = self;
         let r = |slot: u32| sizes.of(slot as usize).r;
+        let share = matches!(measure, GapMeasure::Share);
         let x = |slot: u32| position(&bodies[slot as usize * width..]);
         for pairs in block.near.chunks(BATCH) {
             for (k, &[i, j]) in pairs.iter().enumerate() {
@@ -76,6 +81,9 @@ impl Vectorised for Gaps<'_> {
                 let (d2, inverse_d) = distance::<L>(&batch.normal(k));
                 batch.put_numbers(k, measure.of::<L>(L::add_product(d2, inverse_d, -batch.surfaces[k])));
             }
+            if share {
+                batch.divide_numbers(pairs.iter().map(|&[i, j]| r(i).min(r(j))));
+            }
             take_owned(block, pairs, batch, take);
         }
         for contacts in block.walls.chunks(BATCH) {
@@ -84,6 +92,9 @@ impl Vectorised for Gaps<'_> {
             }
             for k in 0..Batch::rows(contacts.len()) {
                 batch.put_numbers(k, measure.of::<L>(batch.gap[k]));
+            }
+            if share {
+                batch.divide_numbers(contacts.iter().map(|&[i, _]| r(i)));
             }
             take(batch.number_columns(contacts.len()));
         }

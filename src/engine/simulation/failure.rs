@@ -71,6 +71,7 @@ impl Simulation<'_> {
     pub(super) fn fail_if_pressed(&mut self) -> Result<(), Error> {
         let (t, min_step) = (self.step_start.t, self.control.min_step);
         let (_, overlap) = self.dynamics.potential_energy(&self.step_start.y[..]);
+        let overlap = overlap.length;
         let masses = (0..self.dynamics.ids().len()).map(|i| self.dynamics.size(i).mass);
         let mut least = [-masses.fold(f64::INFINITY, f64::min)];
         self.comm.max(&mut least);

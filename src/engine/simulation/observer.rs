@@ -2,7 +2,7 @@
 
 use super::{Counts, Simulation, Snapshot};
 use crate::domain::rows::{self, ById};
-use crate::engine::dynamics::Clocks;
+use crate::engine::dynamics::{Clocks, Overlap};
 use crate::error::{Error, StopRequest};
 use crate::model::columns::{Changes, Column, Columns, MASS, RADIUS, put_angular_velocities};
 use crate::model::size::Size;
@@ -138,8 +138,8 @@ pub struct Outcome {
     pub output_seconds: f64,
     /// Wall time of the run, s.
     pub seconds: f64,
-    /// Largest overlap of any frame, m.
-    pub largest_overlap: f64,
+    /// Largest overlap of any frame.
+    pub largest_overlap: Overlap,
     /// The method that took the steps and, for `auto`, why.
     pub choice: String,
     /// The tolerance of the steps; meaningless where they are fixed.
@@ -240,7 +240,7 @@ impl Simulation<'_> {
             counts: self.progress.counts,
             kinetic_energy: dynamics.kinetic_energy(state),
             potential_energy,
-            largest_overlap,
+            largest_overlap: largest_overlap.length,
             bed_height: dynamics.bed_height(state),
             dissipated,
             clocks: dynamics.clocks,

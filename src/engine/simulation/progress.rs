@@ -1,6 +1,7 @@
 //! What a run has done so far, and when its frames and checkpoints are due.
 
 use super::rest_detector;
+use crate::engine::dynamics::Overlap;
 use crate::ode::{Dissipation, Limit};
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
@@ -45,8 +46,8 @@ pub struct Progress {
     pub(super) forced_in_a_row: u64,
     /// State of the rest detector.
     pub(super) rest: rest_detector::RestState,
-    /// Largest overlap of any frame, m.
-    pub(super) largest_overlap: f64,
+    /// Largest overlap of any frame.
+    pub(super) largest_overlap: Overlap,
 }
 
 impl Progress {
@@ -61,7 +62,7 @@ impl Progress {
             dissipated: [0.0; 2],
             forced_in_a_row: 0,
             rest: rest_detector::RestState::default(),
-            largest_overlap: 0.0,
+            largest_overlap: Overlap::default(),
         }
     }
 }

@@ -71,7 +71,7 @@ pub fn run_scene(scene: &Scene, start: &InitialCondition, comm: &dyn Comm) -> Ta
     });
     tale.result = result.map(|outcome| {
         tale.warnings.extend(report::doubts(comm, scene, start, &outcome, &tale.course, &monitor));
-        tale.overlap = outcome.largest_overlap;
+        tale.overlap = outcome.largest_overlap.length;
         outcome.counts
     });
     tale
