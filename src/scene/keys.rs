@@ -99,7 +99,8 @@ pub(super) const KEYS: &[Key] = &[
              "the table of when the spheres are at rest, which ends the run", "{ kinetic_energy = 1e-6 }"),
 
     optional("particles.radius", Number(Positive),
-             "the radius r of every sphere, or of a typical one where particles.file or species have radii, in m",
+             "the radius r of every sphere, or of a typical one where particles.file or species have radii, \
+              in m",
              "0.1"),
     optional("particles.mass", Number(Positive),
              "the mass of one sphere, 4/3 pi r^3 times its density, in kg", "1.0"),
@@ -121,7 +122,8 @@ pub(super) const KEYS: &[Key] = &[
     optional("particles.grid.seed", Seed, "the seed of the random shifts", "1"),
 
     required("species.name", Text, "the name of the species", "\"coarse\""),
-    optional("species.share", Number(Share), "the share of the species, of what particles.species_by says", "0.7"),
+    optional("species.share", Number(Share),
+             "the share of the species, of what particles.species_by says", "0.7"),
     optional("species.density", Number(Positive), "the density of its spheres in kg/m^3", "2500.0"),
     required("species.radius", NumberOrTable(Positive),
              "the radius of its spheres in m, or the table that says how they are spread", "0.1"),
@@ -134,10 +136,12 @@ pub(super) const KEYS: &[Key] = &[
              "the median in m of a lognormal distribution by number, and the standard deviation of ln r",
              "[0.1, 0.3]"),
     optional("species.radius.table", Text,
-             "the path of a CSV file with the columns radius or diameter and share, the share of the mass below it",
+             "the path of a CSV file with the columns radius or diameter and share, the share of the mass \
+              below it",
              "\"sieve.csv\""),
     optional("species.radius.points", Pairs,
-             "the points of a sieve curve in place of a table: a radius in m and the share of the mass below it",
+             "the points of a sieve curve in place of a table: a radius in m and the share of the mass below \
+              it",
              "[[0.05, 0.0], [0.15, 1.0]]"),
 
     optional("container.box", Table,
@@ -175,7 +179,8 @@ pub(super) const KEYS: &[Key] = &[
              "0.05"),
     optional("friction.twisting", Table, "the table of twisting resistance", "{ coefficient = 0.01 }"),
     required("friction.twisting.coefficient", Number(NotNegative),
-             "the coefficient of twisting resistance: the largest moment over normal force and reduced radius",
+             "the coefficient of twisting resistance: the largest moment over normal force and reduced \
+              radius",
              "0.01"),
 
     optional("solver.method", Word(MethodName::NAMES), "the time stepping method", "\"auto\""),

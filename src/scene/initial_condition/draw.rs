@@ -52,17 +52,23 @@ fn shuffle<T>(list: &mut [T], seed: u64) {
 }
 
 impl InitialCondition {
-    /// Gives the scene the mean `radius` and the mean `mass` of spheres that species have drawn, where the scene
-    /// left them out.
+    /// Gives the scene the mean `radius` and the mean `mass` of spheres that species have drawn, where the
+    /// scene left them out.
     pub(crate) fn settle_drawn(&self, scene: &mut Scene, radius: bool, mass: bool) {
         if scene.species.is_empty() {
             return;
         }
-        if let Some(radii) = self.column(RADIUS).filter(|_| radius) {
-            scene.particles.radius = mean(radii.iter().copied());
+        // From the least to the largest: rounding is the same for all seeds, so that they have one scene.
+        let mean_of = |name: &str| {
+            let mut numbers = self.column(name)?.to_vec();
+            numbers.sort_unstable_by(f64::total_cmp);
+            Some(mean(numbers.into_iter()))
+        };
+        if let Some(found) = radius.then(|| mean_of(RADIUS)).flatten() {
+            scene.particles.radius = found;
         }
-        if let Some(masses) = self.column(MASS).filter(|_| mass) {
-            scene.particles.mass = mean(masses.iter().copied());
+        if let Some(found) = mass.then(|| mean_of(MASS)).flatten() {
+            scene.particles.mass = found;
         }
     }
 }
@@ -178,7 +184,10 @@ mod tests {
         let grid = scene.particles.grid.as_ref().unwrap();
         assert_eq!([grid.spacing, grid.jitter, grid.bottom], [2.5, 0.25, 11.0].map(|k| k * largest));
         assert_eq!(scene.container.r#box.as_ref().unwrap().max[..2], [10.0 * largest; 2]);
-        let means = [mean(radii.into_iter()), mean(masses.into_iter())];
+        let means = [radii, masses].map(|mut numbers| {
+            numbers.sort_by(f64::total_cmp);
+            mean(numbers.into_iter())
+        });
         // The scene alone has the means of the distributions.
         assert!((scene.particles.radius / means[0] - 1.0).abs() < 1e-3);
         assert!((scene.particles.mass / means[1] - 1.0).abs() < 1e-12);

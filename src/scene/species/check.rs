@@ -28,8 +28,8 @@ const LEAST_LEFT: f64 = 1e-6;
 /// Reads the text of a table that a species names.
 pub(in crate::scene) type Reader<'a> = &'a dyn Fn(&Path) -> Result<String, Error>;
 
-/// Checks the species of a scene in `folder`, puts densities and points of tables into them, and gives the scene the radius and the
-/// mass of a typical sphere where it has none.
+/// Checks the species of a scene in `folder`, puts densities and points of tables into them, and gives the
+/// scene the radius and the mass of a typical sphere where it has none.
 ///
 /// Masses and radii are then the means of the distributions; [`crate::engine::load::load`] puts those of the
 /// spheres in their place.
@@ -46,9 +46,7 @@ pub(in crate::scene) fn settle(
     names(source, scene)?;
     densities(source, scene)?;
     for k in 0..scene.species.len() {
-        radii(source, scene, k, &|file| {
-            sieve::points(&shown(&folder.join(file)), &read(file)?)
-        })?;
+        radii(source, scene, k, &|file| sieve::points(&shown(&folder.join(file)), &read(file)?))?;
     }
     shares(source, scene)?;
     let mixture = Mixture::of(scene).expect("there are species");
@@ -76,8 +74,8 @@ fn needed(source: &Source) -> Result<(), Error> {
     for key in ["particles.species_by", "particles.species_seed"] {
         if source.key(key).is_some() {
             let message = format!(
-                "{key} needs [[species]], of which there is none: leave it out, or give a species with name, density \
-                 and radius"
+                "{key} needs [[species]], of which there is none: leave it out, or give a species with name, \
+                 density and radius"
             );
             return Err(source.error(source.key(key), &message));
         }
@@ -91,8 +89,8 @@ fn one_source(source: &Source) -> Result<(), Error> {
         None => Ok(()),
         Some(file) => Err(source.error(
             Some(file),
-            "particles.file and [[species]] contradict each other: exactly one says how large the spheres are, the \
-             columns of the file or the species, whose spheres start e.g. from [particles.grid]",
+            "particles.file and [[species]] contradict each other: exactly one says how large the spheres \
+             are, the columns of the file or the species, whose spheres start e.g. from [particles.grid]",
         )),
     }
 }
@@ -132,8 +130,8 @@ fn densities(source: &Source, scene: &mut Scene) -> Result<(), Error> {
         species.density = species.density.or(scene.particles.density);
         if species.density.is_none() {
             let message = format!(
-                "species[{k}].density is missing: it is the density of its spheres in kg/m^3, e.g. density = 2500.0, \
-                 or particles.density gives that of all"
+                "species[{k}].density is missing: it is the density of its spheres in kg/m^3, e.g. density = \
+                 2500.0, or particles.density gives that of all"
             );
             return Err(source.error(source.value(&format!("species[{k}]")), &message));
         }
@@ -165,8 +163,8 @@ fn radii(
     let [name] = given[..] else {
         let found = if given.is_empty() { "none".to_owned() } else { given.join(" and ") };
         let message = format!(
-            "{table} has {found} of uniform, normal, lognormal, table and points, and exactly one says how radii are \
-             spread, e.g. radius = {{ uniform = [0.05, 0.15] }}"
+            "{table} has {found} of uniform, normal, lognormal, table and points, and exactly one says how \
+             radii are spread, e.g. radius = {{ uniform = [0.05, 0.15] }}"
         );
         return Err(source.error(source.value(&table), &message));
     };
@@ -199,8 +197,8 @@ fn radii(
         // A NaN is refused as well.
         if left.is_nan() || left < LEAST_LEFT {
             return wrong(format!(
-                "leaves nothing: the share {left:.1e} of the normal distribution lies between {} m and {} m, and it \
-                 must be {LEAST_LEFT} at least: it is {form}",
+                "leaves nothing: the share {left:.1e} of the normal distribution lies between {} m and {} m, \
+                 and it must be {LEAST_LEFT} at least: it is {form}",
                 short(min),
                 short(max)
             ));
@@ -218,8 +216,8 @@ fn radii(
         }
     }
     if let Some(rows) = points {
-        let form = "[[radius in m, share of the mass below it], ...], whose shares must rise from 0 to 1, e.g. points = \
-                    [[0.01, 0.0], [0.02, 1.0]]";
+        let form = "[[radius in m, share of the mass below it], ...], whose shares must rise from 0 to 1, \
+            e.g. points = [[0.01, 0.0], [0.02, 1.0]]";
         for (row, point) in rows.iter().enumerate() {
             let before = row.checked_sub(1).map(|before| &rows[before]);
             if let Err(why) = sieve::follows(before, *point, ["radius", "share"]) {
@@ -242,8 +240,8 @@ fn shares(source: &Source, scene: &Scene) -> Result<(), Error> {
     for (k, species) in scene.species.iter().enumerate() {
         if species.share.is_none() && !alone {
             let message = format!(
-                "species[{k}].share is missing: it is the share of the species, e.g. share = 0.5, and only a species \
-                 that is alone needs none"
+                "species[{k}].share is missing: it is the share of the species, e.g. share = 0.5, and only a \
+                 species that is alone needs none"
             );
             return Err(source.error(source.value(&format!("species[{k}]")), &message));
         }
@@ -283,8 +281,8 @@ fn sizes(source: &Source, scene: &Scene, mixture: &Mixture) -> Result<(), Error>
         if n == 0 {
             let share = part.by_number * count as f64;
             let message = format!(
-                "species[{k}].share gives the species {} of {count} spheres, which is none: it must be one at least, \
-                 e.g. of {} spheres",
+                "species[{k}].share gives the species {} of {count} spheres, which is none: it must be one \
+                 at least, e.g. of {} spheres",
                 rough(share),
                 short(at_least(1.0 / part.by_number))
             );
@@ -295,8 +293,8 @@ fn sizes(source: &Source, scene: &Scene, mixture: &Mixture) -> Result<(), Error>
         all = [all[0].min(range[0]), all[1].max(range[1])];
         if all[1] > WIDEST * all[0] {
             let message = format!(
-                "species[{k}].radius makes radii reach from {} m to {} m: a factor of {WIDEST} between them is \
-                 possible, and they must be nearer to each other",
+                "species[{k}].radius makes radii reach from {} m to {} m: a factor of {WIDEST} between them \
+                 is possible, and they must be nearer to each other",
                 short(all[0]),
                 short(all[1])
             );
@@ -306,8 +304,8 @@ fn sizes(source: &Source, scene: &Scene, mixture: &Mixture) -> Result<(), Error>
     Ok(())
 }
 
-/// Checks that species `k` has spheres that can be computed with: the least and the largest radius are `range`
-/// (m).
+/// Checks that species `k` has spheres that can be computed with: `range` has the least and the largest
+/// radius, m.
 fn arithmetic(
     source: &Source,
     at: Option<Span>,
@@ -321,8 +319,8 @@ fn arithmetic(
         return Ok(());
     }
     let message = format!(
-        "species[{k}].radius gives spheres of {} m to {} m with masses of {:e} kg to {:e} kg, which no arithmetic \
-         survives: it must be in m, and the density in kg/m^3",
+        "species[{k}].radius gives spheres of {} m to {} m with masses of {:e} kg to {:e} kg, which no \
+         arithmetic survives: it must be in m, and the density in kg/m^3",
         short(range[0]),
         short(range[1]),
         masses[0],

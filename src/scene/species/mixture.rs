@@ -13,7 +13,8 @@ use crate::scene::Scene;
 ///
 /// let text = std::fs::read_to_string("configs/quick.toml")?;
 /// let species = "species=[{ name = 'fine', share = 0.9, density = 1000, radius = 0.05 },
-///                         { name = 'coarse', share = 0.1, density = 1000, radius = { uniform = [0.1, 0.2] } }]";
+///                         { name = 'coarse', share = 0.1, density = 1000,
+///                           radius = { uniform = [0.1, 0.2] } }]";
 /// let scene = Scene::parse("quick.toml", &text, &[species.replace('\n', " ")])?;
 /// let mixture = Mixture::of(&scene).ok_or("there are no species")?;
 /// assert_eq!(mixture.counts(1000), [900, 100]); // shares are by number if the scene does not say

@@ -8,7 +8,7 @@ mod distribution;
 pub mod mixture;
 mod sieve;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use toml::Value;
@@ -30,6 +30,16 @@ pub struct Species {
     pub density: Option<f64>,
     /// Its radii, m.
     pub radius: Radius,
+}
+
+impl Species {
+    /// The file of its sieve curve, if it has one: absolute or relative to the folder of the scene.
+    pub fn table(&self) -> Option<&Path> {
+        match &self.radius {
+            Radius::Spread(Spread { table, .. }) => table.as_deref(),
+            Radius::One(_) => None,
+        }
+    }
 }
 
 /// What the shares of species are shares of.

@@ -10,16 +10,16 @@ use crate::scene::{brief, shown};
 const MOST_ROWS: usize = 10_000;
 
 /// What would be right, for messages.
-const FORM: &str = "its first line must be radius,share or diameter,share (m, and the share of the mass below \
-                    it), and the shares of the rows must rise from 0 to 1";
+const FORM: &str = "its first line must be radius,share or diameter,share (m, and the share of the mass \
+                    below it), and the shares of the rows must rise from 0 to 1";
 
 /// The text of the table `file` of a scene in `folder`. To be called on rank 0 only.
 pub(crate) fn read(file: &Path, folder: &Path) -> Result<String, Error> {
     let path = folder.join(file);
     let bytes = read_bytes(&path).map_err(|why| {
         Error::Input(format!(
-            "{}: cannot read the sieve curve that species.radius.table names: {why}: it must be a CSV file, and a \
-             relative path starts at the folder of the scene",
+            "{}: cannot read the sieve curve that species.radius.table names: {why}: it must be a CSV file, \
+             and a relative path starts at the folder of the scene",
             shown(&path)
         ))
     })?;
