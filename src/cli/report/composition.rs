@@ -8,11 +8,15 @@ use crate::model::size::{Size, Sizes};
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
 use crate::scene::species::Mixture;
+use crate::scene::species::mixture::Part;
 
 /// Letters of the longest bar.
 const LONGEST: f64 = 24.0;
 /// Letters of a name that are shown.
 const NAME: usize = 11;
+
+/// Species that are shown.
+const MOST: usize = 20;
 
 /// The shares of quantiles: d10, d50 and d90.
 const SHARES: [f64; 3] = [0.1, 0.5, 0.9];
@@ -30,15 +34,19 @@ pub(super) fn lines(scene: &Scene, start: &InitialCondition) -> Vec<String> {
             .to_owned(),
         row("", "", ["spheres", "number", "mass"], ["n d10", "n d50", "n d90", "m d10", "m d50", "m d90"]),
     ];
-    for (k, part) in mixture.parts.iter().enumerate() {
+    for (k, part) in mixture.parts.iter().enumerate().take(MOST) {
         let own: Vec<Size> =
             all.iter().enumerate().filter(|(i, _)| of(*i) == k).map(|(_, size)| *size).collect();
         let name: String = part.name.chars().take(NAME).collect();
-        text.push(asked(&name, [part.by_number, part.by_mass], Mixture { parts: vec![part.clone()] }));
+        let alone = Mixture { parts: vec![Part { by_number: 1.0, by_mass: 1.0, ..part.clone() }] };
+        text.push(asked(&name, [part.by_number, part.by_mass], &alone));
         text.push(drawn(&own, all.len(), mass));
     }
+    if mixture.parts.len() > MOST {
+        text.push(format!("and {} more species", mixture.parts.len() - MOST));
+    }
     if mixture.parts.len() > 1 {
-        text.push(asked("all", [1.0; 2], mixture.clone()));
+        text.push(asked("all", [1.0; 2], &mixture));
         text.push(drawn(&all, all.len(), mass));
     }
     if let Sizes::Each(_) = sizes.as_sizes() {
@@ -63,7 +71,7 @@ fn percent(share: f64) -> String {
 }
 
 /// What is asked for, with its shares by number and by mass.
-fn asked(name: &str, [by_number, by_mass]: [f64; 2], mixture: Mixture) -> String {
+fn asked(name: &str, [by_number, by_mass]: [f64; 2], mixture: &Mixture) -> String {
     let number = SHARES.map(|p| rough(2.0 * mixture.quantile(Mixture::number_below, p)));
     let mass = SHARES.map(|p| rough(2.0 * mixture.quantile(Mixture::mass_below, p)));
     let [a, b, c] = number.each_ref().map(String::as_str);
