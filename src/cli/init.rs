@@ -88,6 +88,9 @@ mod tests {
         assert!(spelt_out.checkpoint.take().is_some() && spelt_out.limits.take().is_some());
         assert!(spelt_out.stop.take().is_some());
         spelt_out.container.wall.clear();
+        assert!(spelt_out.species.pop().is_some() && spelt_out.species.is_empty());
+        assert!(spelt_out.particles.species_by.take().is_some());
+        assert!(spelt_out.particles.species_seed.take().is_some());
         // These values are computed if they are left out.
         (spelt_out.solver.velocity_scale, spelt_out.solver.neglected_force) = (None, None);
         let friction = spelt_out.friction.as_mut().unwrap();
@@ -102,8 +105,9 @@ mod tests {
     fn every_key_is_mentioned() {
         let schema: serde_json::Value = serde_json::from_str(&schema()).unwrap();
         fn keys(table: &serde_json::Value, found: &mut Vec<String>) {
-            let inner = if table["items"]["properties"].is_object() { &table["items"] } else { table };
-            for (name, value) in inner["properties"].as_object().into_iter().flatten() {
+            let inner = [&table["items"], &table["anyOf"][1], table];
+            let inner = inner.into_iter().find_map(|inner| inner["properties"].as_object());
+            for (name, value) in inner.into_iter().flatten() {
                 found.push(name.clone());
                 keys(value, found);
             }

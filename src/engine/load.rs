@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::math::digits;
 use crate::model::columns::Column;
 use crate::scene::initial_condition::{self, InitialCondition};
-use crate::scene::{LeftOut, Scene, effects};
+use crate::scene::{LeftOut, Scene, effects, species};
 use std::iter;
 use std::path::Path;
 
@@ -42,14 +42,17 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
         sets.extend(own_radius.filter(|_| radius.is_none()).map(|r| set("radius", r)));
         sets.extend(own_mass.filter(|_| !mass).map(|mass| set("mass", mass)));
     }
-    let mut scene = Scene::parse(&name, &text, &sets)?;
+    let tables = |table: &Path| share(comm, || species::read(table, &folder));
+    let mut scene = Scene::parse_with(&folder, &name, &text, &sets, &tables)?;
     // A TOML integer holds 63 bits. With a longer seed the scene in the run file could not be read again.
     let seed = share(comm, || Ok((rand::random::<u64>() >> 1).to_string()))?;
     scene.set_seed_if_missing(seed.parse().expect("it was printed as a number"));
     let start = match &scene.particles.grid {
         Some(grid) => {
             agree(comm, check_memory(comm, &scene, grid.count))?;
-            initial_condition::grid(&scene, grid)
+            let start = initial_condition::grid(&scene, grid);
+            start.settle_drawn(&mut scene, radius.is_none(), !mass || density.is_some());
+            start
         }
         None => {
             let mut read = Ok(InitialCondition::default());

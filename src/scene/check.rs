@@ -97,6 +97,9 @@ fn check_value(
                 }
             }
         }
+        (Kind::NumberOrTable(_), DeValue::Table(table)) => {
+            check_table(source, table, key.path, path, Some(name), mistakes);
+        }
         (kind, given) => {
             if let Err(what) = fits(kind, given) {
                 let mut written = source.written(&value.span());
@@ -126,7 +129,7 @@ enum Misfit {
 
 fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
     let fitting = match (kind, value) {
-        (Kind::Number(range), value) => match number(value) {
+        (Kind::Number(range) | Kind::NumberOrTable(range), value) => match number(value) {
             Some(number) if range == Range::Share && !number.is_nan() && !range.holds(number) => {
                 return Err(Misfit::Outside("0..1"));
             }
@@ -135,6 +138,14 @@ fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
         (Kind::Vector { open }, DeValue::Array(list)) => {
             let fits = |number: f64| if open { !number.is_nan() } else { number.is_finite() };
             list.len() == 3 && list.iter().all(|value| number(value.get_ref()).is_some_and(fits))
+        }
+        (Kind::Numbers(count), DeValue::Array(list)) => list.len() == count && are_finite(list),
+        (Kind::Pairs, DeValue::Array(pairs)) => {
+            !pairs.is_empty()
+                && pairs.iter().all(|pair| match pair.get_ref() {
+                    DeValue::Array(pair) => pair.len() == 2 && are_finite(pair),
+                    _ => false,
+                })
         }
         (Kind::Count, DeValue::Integer(integer)) => {
             if !integer_of(integer).is_some_and(|count| (1..=i128::from(LARGEST_COUNT)).contains(&count)) {
@@ -157,6 +168,10 @@ fn fits(kind: Kind, value: &DeValue) -> Result<(), Misfit> {
         _ => false,
     };
     if fitting { Ok(()) } else { Err(Misfit::NotThat) }
+}
+
+fn are_finite(list: &[Spanned<DeValue>]) -> bool {
+    list.iter().all(|value| number(value.get_ref()).is_some_and(f64::is_finite))
 }
 
 /// The value of a number or an integer; `None` if it is too large for a double, or an integer beyond 64 bits.
@@ -221,7 +236,7 @@ pub(super) fn one_radius(source: &Source, scene: &Scene) -> Result<(), Error> {
         None if scene.particles.radius.is_nan() => Err(source.error(
             source.key("particles"),
             "particles.radius is missing: it is the radius r of every sphere in m, e.g. radius = 0.1, or \
-             particles.file has a column radius",
+             particles.file has a column radius, or [[species]] have radii",
         )),
         _ => Ok(()),
     }
@@ -264,7 +279,7 @@ fn one_mass(source: &Source, scene: &Scene) -> Result<(), Error> {
             "particles.mass and particles.density contradict each other: one of them says how heavy a sphere \
              is, e.g. mass = 1.0 (kg) or density = 2500.0 (kg/m^3)",
         )),
-        (None, None) => Err(source.error(
+        (None, None) if scene.species.is_empty() => Err(source.error(
             source.key("particles"),
             "particles.mass is missing: it is the mass of one sphere in kg, e.g. mass = 1.0, or \
              particles.density gives it (kg/m^3), e.g. density = 2500.0",

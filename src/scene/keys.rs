@@ -1,10 +1,12 @@
 //! The list of all keys of a scene, with type, range, unit and a typical value. Messages quote it.
 
 use super::SyncEvery;
+use super::species::SpeciesBy;
 use super::stop::Units;
 use crate::model::effects::FrictionLaw;
 use crate::ode::{MethodName, NormName};
-use Kind::{Count, Number, Seed, Switch, Table, Tables, Text, Vector, Word, WordOrNumber};
+use Kind::{Count, Number, NumberOrTable, Numbers, Pairs, Seed, Switch, Table, Tables, Text, Vector};
+use Kind::{Word, WordOrNumber};
 use Range::{Finite, NotNegative, PartOf, Positive, PositiveOrInfinite, Share};
 
 /// The description of one key.
@@ -28,6 +30,10 @@ pub(super) enum Kind {
     Number(Range),
     /// Three numbers; `open` allows infinite ones.
     Vector { open: bool },
+    /// This many finite numbers.
+    Numbers(usize),
+    /// Pairs of finite numbers, one or more.
+    Pairs,
     /// Number of particles, in 1..=[`LARGEST_COUNT`].
     Count,
     /// An unsigned integer of 64 bits.
@@ -40,6 +46,8 @@ pub(super) enum Kind {
     Word(&'static [&'static str]),
     /// One of these words, or a number within a range.
     WordOrNumber(&'static [&'static str], Range),
+    /// A number within a range, or a table of further keys.
+    NumberOrTable(Range),
     /// A table of further keys.
     Table,
     /// A list of tables.
@@ -75,6 +83,8 @@ pub(super) const KEYS: &[Key] = &[
     optional("gravity", Vector { open: false }, "the acceleration of gravity in m/s^2", "[0.0, 0.0, -9.81]"),
     required("particles", Table,
              "the table of the spheres and their source", "{ radius = 0.1, mass = 1, file = \"start.csv\" }"),
+    optional("species", Tables, "the list of species, each opened by [[species]]",
+             "[{ name = \"sand\", density = 2650.0, radius = { uniform = [0.05, 0.15] } }]"),
     optional("container", Table,
              "the table of the walls", "{ box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] } }"),
     required("contact", Table, "the table of the contact law",
@@ -89,10 +99,16 @@ pub(super) const KEYS: &[Key] = &[
              "the table of when the spheres are at rest, which ends the run", "{ kinetic_energy = 1e-6 }"),
 
     optional("particles.radius", Number(Positive),
-             "the radius r of every sphere, or of a typical one where particles.file has radii, in m", "0.1"),
+             "the radius r of every sphere, or of a typical one where particles.file or species have radii, \
+              in m",
+             "0.1"),
     optional("particles.mass", Number(Positive),
              "the mass of one sphere, 4/3 pi r^3 times its density, in kg", "1.0"),
     optional("particles.density", Number(Positive), "the density of the spheres in kg/m^3", "2500.0"),
+    optional("particles.species_by", Word(SpeciesBy::NAMES), "what the shares of species are shares of",
+             "\"mass\""),
+    optional("particles.species_seed", Seed,
+             "the seed of the order in which species and sizes are given to spheres", "1"),
     optional("particles.file", Text,
              "the path of a CSV file with the columns x,y,z and perhaps radius, mass, density, species",
              "\"start.csv\""),
@@ -104,6 +120,29 @@ pub(super) const KEYS: &[Key] = &[
              "the largest random shift of a sphere in m", "0.025"),
     optional("particles.grid.bottom", Number(Finite), "the height of the lowest cells in m", "1.1"),
     optional("particles.grid.seed", Seed, "the seed of the random shifts", "1"),
+
+    required("species.name", Text, "the name of the species", "\"coarse\""),
+    optional("species.share", Number(Share),
+             "the share of the species, of what particles.species_by says", "0.7"),
+    optional("species.density", Number(Positive), "the density of its spheres in kg/m^3", "2500.0"),
+    required("species.radius", NumberOrTable(Positive),
+             "the radius of its spheres in m, or the table that says how they are spread", "0.1"),
+    optional("species.radius.uniform", Numbers(2),
+             "the least and the largest radius in m, between which all are equally frequent", "[0.05, 0.15]"),
+    optional("species.radius.normal", Numbers(4),
+             "mean, standard deviation, least and largest radius in m of a normal distribution by number",
+             "[0.1, 0.02, 0.05, 0.15]"),
+    optional("species.radius.lognormal", Numbers(2),
+             "the median in m of a lognormal distribution by number, and the standard deviation of ln r",
+             "[0.1, 0.3]"),
+    optional("species.radius.table", Text,
+             "the path of a CSV file with the columns radius or diameter and share, the share of the mass \
+              below it",
+             "\"sieve.csv\""),
+    optional("species.radius.points", Pairs,
+             "the points of a sieve curve in place of a table: a radius in m and the share of the mass below \
+              it",
+             "[[0.05, 0.0], [0.15, 1.0]]"),
 
     optional("container.box", Table,
              "the table of the box", "{ min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] }"),
@@ -143,7 +182,8 @@ pub(super) const KEYS: &[Key] = &[
              "0.05"),
     optional("friction.twisting", Table, "the table of twisting resistance", "{ coefficient = 0.01 }"),
     required("friction.twisting.coefficient", Number(NotNegative),
-             "the coefficient of twisting resistance: the largest moment over normal force and reduced radius",
+             "the coefficient of twisting resistance: the largest moment over normal force and reduced \
+              radius",
              "0.01"),
 
     optional("solver.method", Word(MethodName::NAMES), "the time stepping method", "\"auto\""),
@@ -206,12 +246,15 @@ impl Key {
             Number(range) => range.need().to_owned(),
             Vector { open: false } => "a list of three finite numbers".to_owned(),
             Vector { open: true } => "a list of three numbers".to_owned(),
+            Numbers(count) => format!("a list of {count} finite numbers"),
+            Pairs => "a list of pairs of finite numbers".to_owned(),
             Count => "an integer in 1..1000000000".to_owned(),
             Seed => "an integer in 0..18446744073709551615".to_owned(),
             Switch => "true or false".to_owned(),
             Text => "text in quotes, not empty".to_owned(),
             Word(words) => format!("one of: {}", quoted(words)),
             WordOrNumber(words, range) => format!("one of: {}, or {}", quoted(words), range.need()),
+            NumberOrTable(range) => format!("{}, or a table", range.need()),
             Table => "a table".to_owned(),
             Tables => "a list of tables".to_owned(),
         }
@@ -260,11 +303,20 @@ mod tests {
     use super::*;
     use crate::scene::Scene;
 
-    /// Keys that exclude others.
-    const ALTERNATIVES: [&str; 5] =
-        ["particles.density", "particles.file", "contact.overlap", "contact.drop", "solver.step"];
+    /// Keys that exclude others, and so do not stand in the scene of examples.
+    const ALTERNATIVES: [&str; 9] = [
+        "particles.density",
+        "particles.file",
+        "contact.overlap",
+        "contact.drop",
+        "solver.step",
+        "species.radius.lognormal",
+        "species.radius.normal",
+        "species.radius.points",
+        "species.radius.table",
+    ];
 
-    /// All examples as one scene, without the keys that exclude others.
+    /// All other examples as one scene.
     fn scene_of_examples() -> String {
         let mut text = String::new();
         for table in [
@@ -287,10 +339,20 @@ mod tests {
             }
             for key in of_table(table) {
                 let alternative = ALTERNATIVES.contains(&key.path);
-                if !matches!(key.kind, Table) && !alternative {
+                if !matches!(key.kind, Table | Tables) && !alternative {
                     text += &format!("{} = {}\n", key.name(), key.example);
                 }
             }
+        }
+        let example = |name: &str| KEYS.iter().find(|key| key.path == name).unwrap().example;
+        for (name, share, radius) in [
+            ("\"a\"", "0.3", format!("{{ uniform = {} }}", example("species.radius.uniform"))),
+            (example("species.name"), example("species.share"), example("species.radius").to_owned()),
+        ] {
+            let density = example("species.density");
+            text += &format!(
+                "[[species]]\nname = {name}\nshare = {share}\ndensity = {density}\nradius = {radius}\n"
+            );
         }
         text + "[[container.wall]]\npoint = [0, 0, 0]\nnormal = [0, 0, -1]\n"
     }

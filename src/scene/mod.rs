@@ -13,6 +13,7 @@ pub mod initial_condition;
 mod keys;
 mod schema;
 mod source;
+pub mod species;
 pub mod stop;
 mod sync_every;
 pub mod walls;
@@ -30,6 +31,7 @@ pub use schema::schema;
 use source::Source;
 pub use source::split_values;
 pub(crate) use source::{brief, shown};
+use species::{Mixture, Species, SpeciesBy};
 pub use sync_every::SyncEvery;
 
 /// A checked scene with all defaults filled in. All numbers are in SI units.
@@ -57,6 +59,9 @@ pub struct Scene {
     pub gravity: [f64; 3],
     /// The particles and their initial condition.
     pub particles: Particles,
+    /// The species whose sizes are drawn; none: all spheres are alike, or a file says how they differ.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub species: Vec<Species>,
     /// The walls; none by default.
     #[serde(default)]
     pub container: Container,
@@ -83,8 +88,8 @@ pub struct Scene {
 
 /// The spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
 ///
-/// Columns of the file may give each sphere a radius and a mass of its own. Then radius and mass here are
-/// those of a typical sphere, from which lengths that are left out follow.
+/// Columns of the file, or species, may give each sphere a radius and a mass of its own. Then radius and mass
+/// here are those of a typical sphere, from which scales follow that are left out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Particles {
@@ -98,12 +103,26 @@ pub struct Particles {
     /// unless there is a file: each of its spheres may have a radius of its own.
     #[serde(default)]
     pub density: Option<f64>,
+    /// What the shares of species are shares of; the number of spheres if it is left out.
+    #[serde(default)]
+    pub species_by: Option<SpeciesBy>,
+    /// Seed of the order in which species and sizes are given to spheres; that of the source if it is left
+    /// out.
+    #[serde(default)]
+    pub species_seed: Option<u64>,
     /// CSV file with the initial condition, as the user wrote it.
     ///
     /// It is absolute or relative to the folder of the scene.
     pub file: Option<PathBuf>,
     /// Randomly perturbed grid as the initial condition.
     pub grid: Option<Grid>,
+}
+
+impl Particles {
+    /// The number of spheres, if the scene gives it.
+    pub fn count(&self) -> Option<u64> {
+        self.grid.as_ref().map(|grid| grid.count)
+    }
 }
 
 /// What a scene says about the sizes of its particles, before it is checked: columns of the particle file may
@@ -137,7 +156,12 @@ impl LeftOut {
             value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
         };
         Ok(LeftOut {
-            file: particles.get("file").and_then(toml::Value::as_str).map(PathBuf::from),
+            // Species and a file contradict each other.
+            file: particles
+                .get("file")
+                .and_then(toml::Value::as_str)
+                .map(PathBuf::from)
+                .filter(|_| !table.contains_key("species")),
             radius: number("radius").or_else(|| particles.get("radius").map(|_| f64::NAN)),
             mass: particles.contains_key("mass") || particles.contains_key("density"),
             density: number("density"),
@@ -393,7 +417,8 @@ impl Scene {
     /// Reads and checks a scene.
     ///
     /// `name` is the path of the scene as the user typed it, for messages and for the name of the output
-    /// file. `text` is its content. `sets` are the KEY=VALUE of all `--set` options, in order.
+    /// file. `text` is its content. `sets` are the KEY=VALUE of all `--set` options, in order. Tables of
+    /// species are read, relative to the folder of `name`.
     ///
     /// # Examples
     ///
@@ -406,12 +431,30 @@ impl Scene {
     /// assert_eq!(mistake.exit_code(), 2);
     /// ```
     pub fn parse(name: &str, text: &str, sets: &[String]) -> Result<Scene, Error> {
+        let folder = Path::new(name).parent().unwrap_or(Path::new(""));
+        Scene::parse_in(folder, name, text, sets)
+    }
+
+    /// [`Scene::parse`] for a scene in another `folder` than its `name` says.
+    pub fn parse_in(folder: &Path, name: &str, text: &str, sets: &[String]) -> Result<Scene, Error> {
+        Scene::parse_with(folder, name, text, sets, &|table| species::read(table, folder))
+    }
+
+    /// [`Scene::parse_in`] where `read` gives the text of a table that a species names.
+    pub(crate) fn parse_with(
+        folder: &Path,
+        name: &str,
+        text: &str,
+        sets: &[String],
+        read: &dyn Fn(&Path) -> Result<String, Error>,
+    ) -> Result<Scene, Error> {
         let mut source = Source::new(name, text, sets);
         let set_texts = source.set_documents()?;
         let table = source.merged(text, &set_texts)?;
         check::keys_and_values(&mut source, table.get_ref())?;
         let mut scene = Scene::deserialize(toml::Deserializer::from(table))
             .map_err(|mistake| source.error(mistake.span(), mistake.message()))?;
+        species::check::settle(&source, &mut scene, folder, read)?;
         check::one_radius(&source, &scene)?;
         scene.fill_in_mass();
         scene.fill_in_lengths();
@@ -473,9 +516,12 @@ impl Scene {
         }
     }
 
-    /// Lengths that are left out follow from the radius: a bed of spheres of any size is the same bed.
+    /// Lengths that are left out follow from the radius: a bed of spheres of any size is the same bed. Of
+    /// species the largest sphere counts.
     fn fill_in_lengths(&mut self) {
-        let r = self.particles.radius;
+        let drawn = Mixture::of(self).zip(self.particles.count());
+        let largest = drawn.map(|(mixture, count)| mixture.range(count)[1]);
+        let r = largest.unwrap_or(self.particles.radius);
         let fill_in = |length: &mut f64, default: f64| {
             if length.is_nan() {
                 // A scene of any radius can be written with its lengths.

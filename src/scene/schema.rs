@@ -25,6 +25,14 @@ fn property(key: &Key) -> Value {
         Kind::Vector { .. } => {
             json!({ "type": "array", "items": number(Range::Finite), "minItems": 3, "maxItems": 3 })
         }
+        Kind::Numbers(count) => {
+            json!({ "type": "array", "items": number(Range::Finite), "minItems": count, "maxItems": count })
+        }
+        Kind::Pairs => {
+            let pair = property(&Key { kind: Kind::Numbers(2), example: "", ..*key });
+            json!({ "type": "array", "items": pair, "minItems": 1 })
+        }
+        Kind::NumberOrTable(range) => json!({ "anyOf": [number(range), table(key.path)] }),
         Kind::Count => json!({ "type": "integer", "minimum": 1, "maximum": LARGEST_COUNT }),
         Kind::Seed => json!({ "type": "integer", "minimum": 0, "maximum": u64::MAX }),
         Kind::Switch => json!({ "type": "boolean" }),

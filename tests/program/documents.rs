@@ -260,6 +260,7 @@ follow! {
     "docs/tutorial-bed.md": a_bed_for_a_pore_scale_solver,
     "docs/tutorial-beads.md": a_bed_of_beads,
     "docs/tutorial-ensemble.md": an_ensemble_on_a_cluster,
+    "docs/tutorial-sieve.md": from_a_sieve_curve_to_voxels,
     "docs/tutorial-tolerance.md": choosing_a_tolerance,
 }
 

@@ -26,5 +26,7 @@ mod render;
 mod restart;
 #[cfg(feature = "mpi")]
 mod sizes;
+#[cfg(feature = "mpi")]
+mod species;
 mod streams;
 mod writers;

@@ -30,8 +30,8 @@ fn keys(table: &Value, above: &str, found: &mut BTreeMap<String, (Value, bool)>)
     let required = table["required"].as_array().unwrap();
     for (name, entry) in table["properties"].as_object().unwrap() {
         let path = format!("{above}{name}");
-        let inner = if entry["items"]["properties"].is_object() { &entry["items"] } else { entry };
-        if inner["properties"].is_object() {
+        let inner = [&entry["items"], &entry["anyOf"][1], entry];
+        if let Some(inner) = inner.into_iter().find(|inner| inner["properties"].is_object()) {
             keys(inner, &format!("{path}."), found);
         }
         found.insert(path, (entry.clone(), required.contains(&Value::from(name.as_str()))));
@@ -54,13 +54,17 @@ fn type_and_range(path: &str, entry: &Value) -> [String; 2] {
     }
     if let Some(either) = entry["anyOf"].as_array() {
         let both = either.iter().map(|one| type_and_range(path, one)).collect::<Vec<_>>();
+        if both[1][0] == "table" {
+            return of(&format!("{} or table", both[0][0]), &both[0][1]);
+        }
         let joined = |k: usize, between: &str| [&both[0][k][..], &both[1][k]].join(between);
         return [joined(0, " or "), joined(1, ", or ")];
     }
     match entry["type"].as_str().unwrap() {
         "array" if entry["items"]["properties"].is_object() => of("tables", "-"),
         "array" if path.starts_with("container.box.") => of("3 numbers", "finite or infinite"),
-        "array" => of("3 numbers", "finite"),
+        "array" if entry["items"]["type"] == "array" => of("pairs of numbers", "finite"),
+        "array" => of(&format!("{} numbers", entry["minItems"]), "finite"),
         "object" => of("table", "-"),
         "boolean" => of("switch", "true, false"),
         "string" => of("text", "not empty"),
@@ -118,12 +122,16 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
         ("particles.density", "none; this or `particles.mass`"),
         ("particles.mass", "none; this or `particles.density`"),
         ("particles.file", "none; this or `particles.grid`"),
+        ("particles.species_by", "\"number\""),
+        ("particles.species_seed", "the seed of the grid"),
+        ("species.density", "`particles.density`"),
+        ("species.share", "1 for a species that is alone"),
         ("particles.grid.bottom", "11 radii above the floor"),
         ("particles.grid.jitter", "radius/4"),
         ("particles.grid.seed", "drawn"),
         ("particles.grid.spacing", "2.5 radii"),
         ("friction.regularization_velocity", "0.01 sqrt(g r); required by `regularized` without gravity"),
-        ("particles.radius", "none; required unless `particles.file` has radii"),
+        ("particles.radius", "none; required unless `particles.file` or species have radii"),
         ("friction.stiffness_ratio", "0.5"),
         ("friction.damping", "1"),
         ("solver.norm", "\"scaled\"; \"mean\" with `friction.law = \"history\"`"),

@@ -30,7 +30,8 @@ fn scenes(name: &str) -> Vec<PathBuf> {
 fn set_up(file: &Path, sets: &[&str]) -> Result<(Scene, InitialCondition), Error> {
     let name = file.file_name().unwrap().to_str().unwrap();
     let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
-    let mut scene = Scene::parse(name, &std::fs::read_to_string(file).unwrap(), &sets)?;
+    let text = std::fs::read_to_string(file).unwrap();
+    let mut scene = Scene::parse_in(file.parent().unwrap(), name, &text, &sets)?;
     scene.set_seed_if_missing(42);
     let start = match &scene.particles.grid {
         Some(grid) => initial_condition::grid(&scene, grid),
@@ -83,7 +84,7 @@ fn bad_scenes_are_refused_with_the_message_they_carry() {
 
 /// Bad scenes whose mistake has no line: something is missing at the top, or a file as a whole is wrong.
 /// Particles that do not fit the walls are named by id, and by the row of their file.
-const WITHOUT_LINE: [&str; 18] = [
+const WITHOUT_LINE: [&str; 19] = [
     "contact-missing",
     "csv-beyond-a-wall",
     "csv-beyond-arithmetic",
@@ -101,6 +102,7 @@ const WITHOUT_LINE: [&str; 18] = [
     "empty",
     "grid-below-the-floor",
     "particles-missing",
+    "species-table-missing",
     "t-end-missing",
 ];
 

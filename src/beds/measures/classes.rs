@@ -26,7 +26,7 @@ impl Classes {
     /// The classes of spheres with these `sizes` and perhaps a `species`.
     ///
     /// With a `count` these are as many classes of size. Without one they are the species; where there are
-    /// none, or more than [`MOST`], each radius is a class if there are at most four, otherwise there are
+    /// none, only one, or more than [`MOST`], each radius is a class if there are at most four, otherwise there are
     /// three classes. Classes of size hold about equally many spheres, and a class for each radius where
     /// there are no more radii than classes.
     ///
@@ -49,7 +49,8 @@ impl Classes {
         if let (Some(species), None) = (species, count) {
             let of: Vec<usize> = species.of.iter().map(|&k| k as usize).collect();
             let classes = Self::used(species.names.clone(), of);
-            if classes.count() <= MOST {
+            // One species tells nothing apart, where sizes may.
+            if classes.count() <= MOST && (classes.count() > 1 || sizes.is_empty()) {
                 return Some(classes);
             }
         }
@@ -170,6 +171,10 @@ mod tests {
         assert_eq!(Classes::of(&[], Some(&many), None), None);
         let by_size = Classes::of(&sizes(&[1.0, 2.0, 1.0]), Some(&species), Some(2)).unwrap();
         assert_eq!(by_size.of, [0, 1, 0]);
+        let alone = Species { names: vec!["sand".to_owned()], of: vec![0, 0] };
+        assert_eq!(Classes::of(&[], Some(&alone), None).unwrap().names, ["sand"]);
+        let apart = Classes::of(&sizes(&[1.0, 2.0]), Some(&alone), None).unwrap();
+        assert_eq!(apart.names, ["r = 1 m", "r = 2 m"]);
         assert_eq!(Classes::of(&[], None, None), None);
         assert_eq!(Classes::of(&[], Some(&species), Some(2)), None);
     }

@@ -256,8 +256,8 @@ fn check_colour(options: &Options, run_file: &RunFile) -> Result<(), Error> {
             refuse(format!("radius: all spheres of {run} have the radius {r} m; {choice}"))
         }
         Quantity::Species if run_file.species.is_none() => refuse(format!(
-            "species: the spheres of {run} have none; a column species in particles.file would name them, or \
-             {choice}"
+            "species: the spheres of {run} have none; [[species]] or a column species in particles.file would \
+             name them, or {choice}"
         )),
         Quantity::Species if options.range.is_some() => {
             refuse("species: its colours have no --range; leave that out".to_owned())

@@ -177,7 +177,7 @@ fn overlap_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     let others =
         if deep > 1 { format!(", {deep} overlaps are deeper than {DEEP} of it") } else { String::new() };
     let advice = match &scene.particles.grid {
-        Some(grid) => grid_advice(grid, r, deepest, wall),
+        Some(grid) => grid_advice(grid, sizes.largest(), deepest, wall),
         None => format!("overlaps of {} m or less in particles.file would do", short(at_most(enough))),
     };
     Some(format!(
@@ -188,7 +188,7 @@ fn overlap_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     ))
 }
 
-/// What would keep the spheres of a grid apart, and away from `wall` where that is overlapped most, by
+/// What would keep the spheres of a grid, of radius `r` (m) at most, apart, and away from `wall` where that is overlapped most, by
 /// `deepest` (m).
 fn grid_advice(grid: &Grid, r: f64, deepest: f64, wall: Option<&Wall>) -> String {
     let mut advice = Vec::new();

@@ -18,6 +18,7 @@ use std::io::IsTerminal;
 use std::path::Path;
 use std::time::Instant;
 
+mod composition;
 mod forewarnings;
 mod monitor;
 mod particles;
@@ -181,6 +182,9 @@ pub fn plan(
     line("particles", format!("{}, {walls} walls", particles::particles(scene, start)));
     if let Some(species) = particles::species(start) {
         line("species", species);
+    }
+    for (k, row) in composition::lines(scene, start).into_iter().enumerate() {
+        line(if k == 0 { "sizes" } else { "" }, row);
     }
     line("time", format!("to t = {} s, {} frames", short(scene.t_end), frames(scene)));
     line("solver", solver(scene, start));

@@ -141,13 +141,15 @@ fn load_for_output(args: &Args, path: &Path, comm: &dyn Comm) -> Result<(Scene, 
     Ok((scene, start))
 }
 
-/// Refuses an output file that would overwrite the scene or its particles.
+/// Refuses an output file that would overwrite the scene, its particles or a sieve curve.
 fn spare_the_input(path: &Path, scene: &Scene, output: &Path) -> Result<String, Error> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let particles = scene.particles.file.as_ref().map(|file| folder.join(file));
     let same =
         |input: &Path| matches!((input.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    for (input, what) in [(Some(path.to_path_buf()), "the scene"), (particles, "particles.file")] {
+    let tables = scene.species.iter().filter_map(|species| Some(folder.join(species.table()?)));
+    let inputs = [(Some(path.to_path_buf()), "the scene"), (particles, "particles.file")].into_iter();
+    for (input, what) in inputs.chain(tables.map(|table| (Some(table), "the sieve curve of a species"))) {
         if input.is_some_and(|input| same(&input)) {
             let file = output.display();
             return Err(Error::Input(format!(

@@ -1,6 +1,8 @@
-//! The initial condition: from a CSV file or the paper's randomly perturbed grid; and whether it is valid.
+//! The initial condition: from a CSV file or the paper's randomly perturbed grid; the sizes that species draw;
+//! and whether it is valid.
 
 mod check;
+mod draw;
 mod file;
 mod header;
 pub mod overlaps;
@@ -106,7 +108,7 @@ impl InitialCondition {
 /// The randomly perturbed grid of Fig. 4.2a, at rest. A pure function: it gives the same on every rank.
 ///
 /// Cells are filled along x, then y, then z. The centre of a particle is that of its cell, plus a
-/// random shift in `0..jitter` along each axis. Shifts are drawn in id order.
+/// random shift in `0..jitter` along each axis. Shifts are drawn in id order. Species give each its size.
 ///
 /// The scene must have a seed ([`Scene::set_seed_if_missing`]), and a box that is finite in x and y with room
 /// for a cell ([`Scene::parse`] checks that).
@@ -146,7 +148,8 @@ pub fn grid(scene: &Scene, grid: &Grid) -> InitialCondition {
         })
         .collect();
     let still = vec![[0.0; 3]; x.len()];
-    InitialCondition { x, v: still.clone(), omega: still, ..InitialCondition::default() }
+    let columns = draw::columns(scene, grid.count, grid.seed.unwrap_or(0));
+    InitialCondition { x, v: still.clone(), omega: still, columns, ..InitialCondition::default() }
 }
 
 /// The speed with which the scaled norm compares errors of velocity, m/s.

@@ -5,6 +5,7 @@ use crate::error::Error;
 use crate::math::digits::short;
 use crate::model::columns::{Changes, Column, MASS, RADIUS};
 use crate::model::size::{Size, Sizes};
+use crate::scene::species::WIDEST;
 use crate::scene::{Particles, Scene, shown};
 use std::f64::consts::PI;
 
@@ -13,9 +14,6 @@ pub(super) const DENSITY: &str = "density";
 
 /// The columns of sizes in a particle file, with their units.
 pub(super) const COLUMNS: [(&str, &str); 3] = [(RADIUS, "m"), (MASS, "kg"), (DENSITY, "kg/m^3")];
-
-/// Radii may differ by this factor at most.
-const WIDEST: f64 = 1e4;
 
 /// A column of one number for each particle, which is in the file of the run.
 pub fn column(name: &str, unit: &str) -> Column {
@@ -29,14 +27,14 @@ pub fn mass_of(r: f64, density: f64) -> f64 {
 }
 
 /// The mean of some numbers; exactly their value where all are the same.
-fn mean(numbers: impl Iterator<Item = f64> + Clone) -> f64 {
+pub(super) fn mean(numbers: impl Iterator<Item = f64> + Clone) -> f64 {
     let count = numbers.clone().count();
     let first = numbers.clone().next().unwrap_or(f64::NAN);
     if numbers.clone().all(|number| number == first) { first } else { numbers.sum::<f64>() / count as f64 }
 }
 
 impl InitialCondition {
-    fn column(&self, name: &str) -> Option<&[f64]> {
+    pub(super) fn column(&self, name: &str) -> Option<&[f64]> {
         self.columns.iter().find(|(column, _)| column.name == name).map(|(_, numbers)| &numbers[..])
     }
 

@@ -32,6 +32,12 @@ const VALUES: &[&str] = &[
     "{ min = [0, 0, 0] }", "[{ normal = [1, 0, 0] }]",
     "[{ normal = [5e-324, 0, 0], point = [1e308, 0, 0] }]", "1979-05-27", "07:32:00", "\"auto\"",
     "\"merson\"", "\"dormand-prince\"", "\"chebyshev\"", "\"velocity-verlet\"", "\"scaled\"", "\"paper\"",
+    "[{ name = \"a\", density = 1e3, radius = 0.1 }]", "[{ name = \"a\", density = 1e300, radius = 1e-100 }]",
+    "[{ name = \"a\", density = 1e3, radius = { uniform = [0, 1e308] } }]",
+    "[{ name = \"a\", density = 1e3, radius = { normal = [1e308, 5e-324, -1, 1] } }]",
+    "[{ name = \"a\", density = 1e3, radius = { lognormal = [1e-100, 3] } }]",
+    "[{ name = \"a\", density = 1e3, radius = { points = [[0.1, 0], [0.2, 1]] } }]",
+    "[{ name = \"a\", share = 1e-300, density = 1, radius = 1 }, { name = \"b\", share = 1, density = 1, radius = 1 }]",
     "\"mean\"", "\"history\"", "\"regularized\"", "text", "=", "a=b",
 ];
 
@@ -49,6 +55,7 @@ const KEYS: &[&str] = &[
     "output", "output.file", "output.interval", "output.energy", "output.sync", "checkpoint", "checkpoint.interval",
     "checkpoint.wall", "limits", "limits.wall", "stop", "stop.unbalanced_force", "stop.kinetic_energy",
     "stop.height_change", "stop.window", "stop.speed", "stop.units", "x", "particles.x", "t_end.x", "contact.resitution",
+    "species", "species.radius", "particles.species_by", "particles.species_seed",
     "container.wall.normal", "a.b.c.d.e", "", "..", "\"quoted\"",
 ];
 
@@ -334,6 +341,8 @@ const RIGHT: &[(&str, &str)] = &[
     ("solver", "{ method = \"velocity-verlet\", step = 1e300 }"), ("solver.method", "\"auto\""),
     ("solver.method", "\"chebyshev\""), ("solver.method", "\"dormand-prince\""),
     ("solver.norm", "\"scaled\""), ("gravity", "[0, 0, 0]"), ("gravity", "[1e308, 1e308, 1e308]"),
+    ("species", "[{ name = \"a\", density = 1e3, radius = { lognormal = [0.05, 0.4] } }]"),
+    ("species", "[{ name = \"a\", density = 1e3, radius = { normal = [0.05, 0.04, 0.01, 0.1] } }]"),
     ("gravity", "[0, 5e-324, 0]"), ("particles.grid.count", "1"), ("particles.grid.count", "60"),
     ("particles.grid.count", "1000000000"),
     ("container.wall", "[{ normal = [0, 0, -1], point = [0, 0, -1e300] }]"),
