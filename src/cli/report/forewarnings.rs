@@ -22,6 +22,7 @@ pub fn forewarnings(scene: &Scene, start: &InitialCondition) -> Vec<String> {
     warnings.extend(unread_column_warning(scene, start));
     warnings.extend(cut_force_warning(scene, start));
     warnings.extend(soft_contact_warning(scene, start));
+    warnings.extend(hovering_warning(scene, start));
     warnings.extend(overlap_warning(scene, start));
     warnings.extend(wall_barrier_warning(scene, start));
     warnings.extend(pair_barrier_warning(scene, start));
@@ -135,6 +136,40 @@ fn soft_contact_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
             rough(overlap),
             rough(overlap / size.r),
             short(at_least(enough(&size)))
+        )
+    })
+}
+
+/// Warns if a sphere at rest keeps a floor far away, because F_0 is far above its weight.
+///
+/// It rests where F(l) (1 + e^2)/2 = m g. Where sizes differ, it is about the sphere that is furthest, counted
+/// in its own radii.
+fn hovering_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
+    let contact = &scene.contact;
+    let at_rest = 0.5 * (1.0 + contact.restitution.powi(2)) * contact.repulsion_at_contact;
+    let gap = |size: &Size| (at_rest / (size.mass * gravity(scene))).ln() / contact.stiffness_exponent;
+    let (size, sphere) = match start.sizes(scene).as_sizes() {
+        Sizes::Equal(size) => (size, format!("a sphere of particles.mass = {} kg", short(size.mass))),
+        Sizes::Each(sizes) => {
+            let share = |i: usize| gap(&sizes[i]) / sizes[i].r;
+            let worst = (0..sizes.len()).max_by(|&i, &j| share(i).total_cmp(&share(j)))?;
+            (sizes[worst], format!("particle {worst} of {} kg", short(sizes[worst].mass)))
+        }
+    };
+    // Beyond l_max nothing pushes.
+    let gap = gap(&size).min(contact.interaction_distance);
+    let weight = size.mass * gravity(scene);
+    let enough =
+        contact.repulsion_at_contact * weight / at_rest * (DEEP * size.r * contact.stiffness_exponent).exp();
+    (gap > DEEP * size.r && weight > 0.0).then(|| {
+        format!(
+            "warning: light spheres hover: {sphere} at rest stays {} m above a floor, {} of its radius, since \
+             F_0 is {} times its weight; contact.repulsion_at_contact = {} N or less would do, or \
+             contact.overlap in place of F_0, kappa and l_max",
+            rough(gap),
+            rough(gap / size.r),
+            rough(contact.repulsion_at_contact / weight),
+            short(at_most(enough))
         )
     })
 }

@@ -202,6 +202,11 @@ fn what_a_warning_advises_silences_it_at_every_size() {
                 "of the radius; contact.stiffness_exponent = ",
             ),
             (
+                of("contact.repulsion_at_contact", 1e5 * scale.powi(3)),
+                "contact.repulsion_at_contact",
+                "times its weight; contact.repulsion_at_contact = ",
+            ),
+            (
                 of("particles.grid.spacing", 0.12 * scale),
                 "particles.grid.spacing",
                 "particles.grid.spacing = ",
