@@ -201,8 +201,8 @@ mod tests {
         assert_eq!(self::start(&again), start);
         // What the scene gives stays.
         start.settle_drawn(&mut scene, false, false);
-        let mut given = self::scene(MIXED, &["particles.radius=0.5"]);
+        let mut given = self::scene(MIXED, &["particles.radius=0.15"]);
         start.settle_drawn(&mut given, false, true);
-        assert_eq!([given.particles.radius, given.particles.mass], [0.5, means[1]]);
+        assert_eq!([given.particles.radius, given.particles.mass], [0.15, means[1]]);
     }
 }
