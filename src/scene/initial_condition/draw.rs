@@ -119,8 +119,10 @@ mod tests {
     #[test]
     fn a_seed_gives_the_same_sizes_for_ever_and_another_one_another_order() {
         let [_, radii, _] = sizes(&scene(MIXED, &[]));
-        // Other values would make every seed another start.
-        assert_eq!([radii[0], radii[1], radii[399]], PINNED);
+        // Other values would make every seed another start. Last digits are those of the system's functions.
+        for (r, pinned) in [radii[0], radii[1], radii[399]].into_iter().zip(PINNED) {
+            assert!((r / pinned - 1.0).abs() < 1e-9, "{r} {pinned}");
+        }
         assert_eq!(sizes(&scene(MIXED, &["particles.grid.seed=1"]))[1], radii);
         let [_, mut others, _] = sizes(&scene(MIXED, &["particles.grid.seed=2"]));
         assert_ne!(others, radii);
@@ -136,7 +138,7 @@ mod tests {
         assert_eq!((&own(1)[1], &own(2)[1]), (&radii, &radii));
     }
 
-    const PINNED: [f64; 3] = [0.0; 3];
+    const PINNED: [f64; 3] = [0.043315256643548926, 0.18593767506986775, 0.1628126999357754];
 
     #[test]
     fn neither_places_nor_other_sizes_correlate_with_sizes() {
@@ -199,8 +201,8 @@ mod tests {
         assert_eq!(self::start(&again), start);
         // What the scene gives stays.
         start.settle_drawn(&mut scene, false, false);
-        let mut given = self::scene(MIXED, &["particles.radius=0.5"]);
+        let mut given = self::scene(MIXED, &["particles.radius=0.15"]);
         start.settle_drawn(&mut given, false, true);
-        assert_eq!([given.particles.radius, given.particles.mass], [0.5, means[1]]);
+        assert_eq!([given.particles.radius, given.particles.mass], [0.15, means[1]]);
     }
 }

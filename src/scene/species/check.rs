@@ -51,6 +51,7 @@ pub(in crate::scene) fn settle(
     shares(source, scene)?;
     let mixture = Mixture::of(scene).expect("there are species");
     sizes(source, scene, &mixture)?;
+    typical(source, scene, &mixture)?;
     let particles = &mut scene.particles;
     // Every species has its own density now.
     particles.density = None;
@@ -299,6 +300,35 @@ fn sizes(source: &Source, scene: &Scene, mixture: &Mixture) -> Result<(), Error>
                 short(all[1])
             );
             return Err(source.error(at(k, "radius"), &message));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that the radius of the scene is one that a sphere may have, and its mass too where all are alike.
+///
+/// A recorded scene has both.
+fn typical(source: &Source, scene: &Scene, mixture: &Mixture) -> Result<(), Error> {
+    let Some(count) = scene.particles.count() else { return Ok(()) };
+    let radii = mixture.range(count);
+    let masses = match mixture.is_alike() {
+        true => radii.map(|r| mass_of(r, mixture.parts[0].density)),
+        false => [0.0, f64::INFINITY],
+    };
+    for (key, given, [low, high], unit) in
+        [("radius", scene.particles.radius, radii, "m"), ("mass", scene.particles.mass, masses, "kg")]
+    {
+        // A NaN was left out.
+        if given < low || given > high {
+            let path = format!("particles.{key}");
+            let message = format!(
+                "{} contradicts [[species]], whose spheres have {} {unit} to {} {unit}: it must be that of a \
+                 typical sphere, or leave it out",
+                source.assignment(&path, given, unit),
+                short(low),
+                short(high)
+            );
+            return Err(source.error(source.value(&path), &message));
         }
     }
     Ok(())
