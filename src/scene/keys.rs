@@ -96,6 +96,10 @@ pub(super) const KEYS: &[Key] = &[
     optional("particles.file", Text,
              "the path of a CSV file with the columns x,y,z and perhaps radius, mass, density, species",
              "\"start.csv\""),
+    optional("particles.run", Text,
+             "the path of the file of another run, whose last frame is the start", "\"other.vtkhdf\""),
+    optional("particles.push_apart", Switch,
+             "whether spheres that overlap at the start are pushed apart before the run", "true"),
     optional("particles.grid", Table,
              "the table of the randomly perturbed grid", "{ count = 200, spacing = 0.25 }"),
     optional("particles.grid.count", Count, "the number of spheres", "200"),
@@ -104,6 +108,28 @@ pub(super) const KEYS: &[Key] = &[
              "the largest random shift of a sphere in m", "0.025"),
     optional("particles.grid.bottom", Number(Finite), "the height of the lowest cells in m", "1.1"),
     optional("particles.grid.seed", Seed, "the seed of the random shifts", "1"),
+    optional("particles.random", Table,
+             "the table of random places without an overlap", "{ count = 200, fraction = 0.3 }"),
+    required("particles.random.count", Count, "the number of spheres", "200"),
+    optional("particles.random.fraction", Number(Positive),
+             "the volume of the spheres over that of the room that they take, at most 0.5", "0.3"),
+    optional("particles.random.seed", Seed, "the seed of the random places", "1"),
+    optional("particles.random.region", Table, "the table of the part of the container where they start",
+             "{ min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] }"),
+    required("particles.random.region.min", Vector { open: true },
+             "the lower corner of the region in m (-inf: as far as the walls)", "[0.0, 0.0, 0.0]"),
+    required("particles.random.region.max", Vector { open: true },
+             "the upper corner of the region in m (inf: as far as the walls)", "[1.0, 1.0, inf]"),
+    optional("particles.lattice", Table,
+             "the table of the hexagonal close packed lattice", "{ count = 200, spacing = 0.202 }"),
+    required("particles.lattice.count", Count, "the number of spheres", "200"),
+    optional("particles.lattice.spacing", Number(Positive),
+             "the distance of neighbouring centres in m, at least 2 radii", "0.202"),
+    optional("particles.lattice.jitter", Number(NotNegative),
+             "the largest random shift of a sphere in m", "0.0"),
+    optional("particles.lattice.bottom", Number(Finite),
+             "the height in m of the plane on which the lowest layer lies", "0.0"),
+    optional("particles.lattice.seed", Seed, "the seed of the random shifts", "1"),
 
     optional("container.box", Table,
              "the table of the box", "{ min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] }"),
@@ -255,13 +281,26 @@ mod tests {
     use super::*;
     use crate::scene::Scene;
 
-    /// All examples as one scene, except two keys that exclude others: `particles.file` and `solver.step`.
-    fn scene_of_examples() -> String {
+    /// Keys that exclude others. The tables among them are other sources than `particles.grid`.
+    const ALTERNATIVES: [&str; 6] = [
+        "particles.density",
+        "particles.file",
+        "particles.run",
+        "particles.random",
+        "particles.lattice",
+        "solver.step",
+    ];
+
+    const STARTS: [&str; 3] = ["particles.grid", "particles.random", "particles.lattice"];
+
+    /// All examples as one scene, with the table `start` as the source of particles.
+    fn scene_of_examples(start: &str) -> String {
         let mut text = String::new();
         for table in [
             "",
             "particles",
-            "particles.grid",
+            start,
+            &format!("{start}.region"),
             "container.box",
             "contact",
             "friction",
@@ -273,11 +312,11 @@ mod tests {
             "limits",
             "stop",
         ] {
-            if !table.is_empty() {
+            if !table.is_empty() && of_table(table).next().is_some() {
                 text += &format!("[{table}]\n");
             }
             for key in of_table(table) {
-                let alternative = ["particles.density", "particles.file", "solver.step"].contains(&key.path);
+                let alternative = ALTERNATIVES.contains(&key.path);
                 if !matches!(key.kind, Table) && !alternative {
                     text += &format!("{} = {}\n", key.name(), key.example);
                 }
@@ -288,15 +327,14 @@ mod tests {
 
     #[test]
     fn every_example_is_a_valid_value() {
-        Scene::parse("examples.toml", &scene_of_examples(), &[]).unwrap();
+        for start in STARTS {
+            Scene::parse("examples.toml", &scene_of_examples(start), &[]).unwrap();
+        }
     }
 
     #[test]
     fn the_keys_of_the_list_are_the_keys_of_the_structs() {
-        let scene = Scene::parse("examples.toml", &scene_of_examples(), &[]).unwrap();
-        let resolved: toml::Table = scene.resolved().parse().unwrap();
-        let mut paths: Vec<_> =
-            ["particles.density", "particles.file", "solver.step"].map(str::to_owned).into();
+        let mut paths: Vec<_> = ALTERNATIVES.map(str::to_owned).into();
         fn collect(table: &toml::Table, above: &str, paths: &mut Vec<String>) {
             for (name, value) in table {
                 let path = format!("{above}{name}");
@@ -310,8 +348,13 @@ mod tests {
                 paths.push(path);
             }
         }
-        collect(&resolved, "", &mut paths);
+        for start in STARTS {
+            let scene = Scene::parse("examples.toml", &scene_of_examples(start), &[]).unwrap();
+            let resolved: toml::Table = scene.resolved().parse().unwrap();
+            collect(&resolved, "", &mut paths);
+        }
         paths.sort();
+        paths.dedup();
         let mut listed: Vec<_> = KEYS.iter().map(|key| key.path.to_owned()).collect();
         listed.sort();
         assert_eq!(paths, listed);

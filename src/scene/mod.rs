@@ -7,11 +7,13 @@
 
 pub mod caveats;
 mod check;
+mod check_starts;
 pub mod effects;
 pub mod initial_condition;
 mod keys;
 mod schema;
 mod source;
+pub mod starts;
 pub mod stop;
 mod sync_every;
 pub mod walls;
@@ -28,6 +30,7 @@ pub use schema::schema;
 use source::Source;
 pub use source::split_values;
 pub(crate) use source::{brief, shown};
+use starts::{Lattice, Random};
 pub use sync_every::SyncEvery;
 
 /// A checked scene with all defaults filled in. All numbers are in SI units.
@@ -76,7 +79,8 @@ pub struct Scene {
     pub stop: Option<stop::Stop>,
 }
 
-/// The spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
+/// The spheres and the source of their initial condition: exactly one of `file`, `run`, `grid`, `random` and
+/// `lattice` is `Some`.
 ///
 /// Columns of the file may give each sphere a radius and a mass of its own. Then radius and mass here are
 /// those of a typical sphere, from which lengths that are left out follow.
@@ -97,8 +101,17 @@ pub struct Particles {
     ///
     /// It is absolute or relative to the folder of the scene.
     pub file: Option<PathBuf>,
+    /// File of another run whose last frame is the initial condition; a path like that of `file`.
+    pub run: Option<PathBuf>,
+    /// Whether spheres that overlap at the start are pushed apart before the run.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub push_apart: bool,
     /// Randomly perturbed grid as the initial condition.
     pub grid: Option<Grid>,
+    /// Random places without an overlap as the initial condition.
+    pub random: Option<Random>,
+    /// Hexagonal close packed lattice as the initial condition.
+    pub lattice: Option<Lattice>,
 }
 
 /// What a scene says about the sizes of its particles, before it is checked: columns of the particle file may
@@ -107,6 +120,8 @@ pub struct Particles {
 pub(crate) struct LeftOut {
     /// `particles.file`
     pub file: Option<PathBuf>,
+    /// `particles.run`
+    pub run: Option<PathBuf>,
     /// `particles.radius`, m
     pub radius: Option<f64>,
     /// Whether there is a `particles.mass` or a `particles.density`.
@@ -131,8 +146,10 @@ impl LeftOut {
             let value = particles.get(key)?;
             value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
         };
+        let path = |key: &str| particles.get(key).and_then(toml::Value::as_str).map(PathBuf::from);
         Ok(LeftOut {
-            file: particles.get("file").and_then(toml::Value::as_str).map(PathBuf::from),
+            file: path("file"),
+            run: path("run"),
             radius: number("radius").or_else(|| particles.get("radius").map(|_| f64::NAN)),
             mass: particles.contains_key("mass") || particles.contains_key("density"),
             density: number("density"),
@@ -406,8 +423,8 @@ impl Scene {
     ///
     /// It must be the same on all ranks: rank 0 draws it and broadcasts it.
     pub fn set_seed_if_missing(&mut self, seed: u64) {
-        if let Some(grid) = &mut self.particles.grid {
-            grid.seed.get_or_insert(seed);
+        if let Some(own) = self.particles.seed_mut() {
+            own.get_or_insert(seed);
         }
     }
 
@@ -467,6 +484,10 @@ impl Scene {
             fill_in(&mut grid.spacing, 2.5 * r);
             fill_in(&mut grid.jitter, 0.25 * r);
             fill_in(&mut grid.bottom, floor + 11.0 * r);
+        }
+        if let Some(lattice) = &mut self.particles.lattice {
+            fill_in(&mut lattice.spacing, 2.02 * r);
+            fill_in(&mut lattice.bottom, floor);
         }
     }
 

@@ -4,7 +4,9 @@
 
 use std::path::{Path, PathBuf};
 
+use demhybrid::domain::Solo;
 use demhybrid::error::Error;
+use demhybrid::files::load::load;
 use demhybrid::model::effects::FrictionLaw;
 use demhybrid::ode::NormName;
 use demhybrid::scene::initial_condition::{self, InitialCondition};
@@ -28,16 +30,8 @@ fn scenes(name: &str) -> Vec<PathBuf> {
 
 /// What the program does with a scene before the first step.
 fn set_up(file: &Path, sets: &[&str]) -> Result<(Scene, InitialCondition), Error> {
-    let name = file.file_name().unwrap().to_str().unwrap();
     let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
-    let mut scene = Scene::parse(name, &std::fs::read_to_string(file).unwrap(), &sets)?;
-    scene.set_seed_if_missing(42);
-    let start = match &scene.particles.grid {
-        Some(grid) => initial_condition::grid(&scene, grid),
-        None => initial_condition::read_csv(&scene, file.parent().unwrap())?,
-    };
-    initial_condition::check(&scene, &start)?;
-    Ok((scene, start))
+    load(file, &sets, &Solo)
 }
 
 fn refusal(file: &Path, sets: &[&str]) -> String {

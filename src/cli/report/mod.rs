@@ -182,6 +182,9 @@ pub fn plan(
     if let Some(species) = particles::species(start) {
         line("species", species);
     }
+    if let Some(pushed) = particles::pushed_apart(start) {
+        line("start", pushed);
+    }
     line("time", format!("to t = {} s, {} frames", short(scene.t_end), frames(scene)));
     line("solver", solver(scene, start));
     line("contacts", contacts(scene, cutoff));
@@ -325,6 +328,9 @@ pub fn summary(
         // Writing to a string cannot fail.
         let _ = writeln!(text, "  {head:<18}{rest}");
     };
+    if let Some(pushed) = particles::pushed_apart(start) {
+        line("start", pushed);
+    }
     line(
         "steps",
         format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"),
