@@ -41,7 +41,9 @@ pub fn load(
     // The file is read once: it may be a pipe.
     let mut early = None;
     let says_all = radius.is_some() && mass;
-    let file = file.filter(|_| run.is_none() && radius.is_none_or(|r| r > 0.0) && !says_all);
+    // Of two sources none is read: the scene is refused.
+    let run = run.filter(|_| file.is_none());
+    let file = file.filter(|_| radius.is_none_or(|r| r > 0.0) && !says_all);
     let mut typical = [None; 2];
     if file.is_some() || run.is_some() {
         let means = share(comm, || {
@@ -93,8 +95,8 @@ fn fits_the_run(scene: &Scene, typical: [Option<f64>; 2]) -> Result<(), Error> {
         // Means are rounded.
         if of_run.is_some_and(|of_run| (own - of_run).abs() > 1e-9 * of_run) {
             return Err(Error::Input(format!(
-                "particles.{key} = {} {unit} contradicts particles.run = \"{}\", whose spheres have {} {unit}: \
-                 it must be left out",
+                "particles.{key} = {} {unit} contradicts particles.run = \"{}\", whose spheres have {} \
+                 {unit}: it must be left out",
                 digits::short(*own),
                 shown(run),
                 digits::short(of_run.unwrap_or_default())

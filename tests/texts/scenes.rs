@@ -77,7 +77,7 @@ fn bad_scenes_are_refused_with_the_message_they_carry() {
 
 /// Bad scenes whose mistake has no line: something is missing at the top, or a file as a whole is wrong.
 /// Particles that do not fit the walls are named by id, and by the row of their file.
-const WITHOUT_LINE: [&str; 18] = [
+const WITHOUT_LINE: [&str; 21] = [
     "contact-missing",
     "csv-beyond-a-wall",
     "csv-beyond-arithmetic",
@@ -94,12 +94,15 @@ const WITHOUT_LINE: [&str; 18] = [
     "csv-surface-faster-than-light",
     "empty",
     "grid-below-the-floor",
+    "lattice-below-a-lid",
     "particles-missing",
+    "run-is-a-table",
+    "run-missing",
     "t-end-missing",
 ];
 
 /// How messages say what would be right.
-const RIGHT: [&str; 15] = [
+const RIGHT: [&str; 16] = [
     "must",
     "e.g.",
     "did you mean",
@@ -115,6 +118,7 @@ const RIGHT: [&str; 15] = [
     "commas",
     "lower case",
     "left out",
+    "would do",
 ];
 
 #[test]

@@ -3,6 +3,7 @@
 mod check;
 mod file;
 mod header;
+mod insertion;
 mod lattice;
 mod near;
 pub mod overlaps;
@@ -10,6 +11,8 @@ pub mod push_apart;
 pub mod random;
 pub mod room;
 mod sizes;
+#[cfg(test)]
+mod starts_tests;
 
 use std::ops::Range;
 

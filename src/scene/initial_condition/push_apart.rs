@@ -226,9 +226,9 @@ pub(super) fn pushed(scene: &Scene, mut start: InitialCondition) -> Result<Initi
     let aim = Aim { apart: 1.0, remains: REMAINS, sweeps: MOST_SWEEPS };
     let sweeps = spread(&mut x, &radii, &walls, &aim).map_err(|overlap| {
         Error::Input(format!(
-            "{}: particles.push_apart = true cannot part the spheres: after {MOST_SWEEPS} sweeps some still \
-             overlap by {} of the smaller radius, and {} at most would be right; fewer or smaller spheres, or \
-             a larger container would do",
+            "{}: particles.push_apart = true cannot part the spheres: after {MOST_SWEEPS} sweeps some \
+             still overlap by {} of the smaller radius, and {} at most would be right; fewer or smaller \
+             spheres, or a larger container would do",
             origin(scene),
             rough(overlap),
             short(REMAINS)
@@ -239,4 +239,130 @@ pub(super) fn pushed(scene: &Scene, mut start: InitialCondition) -> Result<Initi
     start.x = x.into_iter().map(Into::into).collect();
     start.pushed = Some(Pushed { overlapping, deepest, furthest, sweeps });
     Ok(start)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    const AIM: Aim = Aim { apart: 1.0, remains: REMAINS, sweeps: MOST_SWEEPS };
+
+    /// `n` places in a cube of `side` (m), without order.
+    fn anywhere(n: usize, side: f64) -> Vec<Vec3> {
+        let mut random = ChaCha8Rng::seed_from_u64(11);
+        (0..n).map(|_| Vec3::from_fn(|_, _| random.random_range(0.0..side))).collect()
+    }
+
+    fn scene(sets: &[&str]) -> Scene {
+        let text = "t_end = 1
+            particles = { radius = 0.1, mass = 1, file = 'start.csv', push_apart = true }
+            contact = { repulsion_at_contact = 10, stiffness_exponent = 150, restitution = 0.4,
+                        dissipation_focusing = 10, interaction_distance = 0.1 }
+            container.box = { max = [1, 1, inf] }";
+        let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
+        Scene::parse("a.toml", text, &sets).unwrap()
+    }
+
+    fn at(x: &[[f64; 3]]) -> InitialCondition {
+        let v = vec![[0.5, -1.0, 2.0]; x.len()];
+        let omega = vec![[0.0; 3]; x.len()];
+        InitialCondition { x: x.to_vec(), v, omega, ..InitialCondition::default() }
+    }
+
+    #[test]
+    fn two_spheres_move_along_their_line_and_the_smaller_one_further() {
+        let mut x = [Vec3::new(0.0, 0.0, 0.0), Vec3::new(0.9, 1.2, 0.0)];
+        spread(&mut x, &[2.0, 1.0], &[], &AIM).unwrap();
+        let line = (x[1] - x[0]) / 3.0;
+        // What remains is less than a thousandth of the smaller radius, or it is passed by a moving sphere.
+        assert!(line.norm() > 1.0 - 1e-3 / 3.0, "{line}");
+        assert!((line.normalize() - Vec3::new(0.6, 0.8, 0.0)).norm() < 1e-12, "{line}");
+        let moved = [x[0].norm(), (x[1] - Vec3::new(0.9, 1.2, 0.0)).norm()];
+        assert!((moved[1] - 4.0 * moved[0]).abs() < 1e-9, "{moved:?}");
+    }
+
+    #[test]
+    fn spheres_that_do_not_overlap_stay_to_the_last_bit() {
+        let mut x = anywhere(200, 100.0);
+        x.retain(|x| x.min() > 1.0);
+        let mut kept: Vec<Vec3> = Vec::new();
+        for place in x {
+            if kept.iter().all(|other| (other - place).norm() >= 2.0) {
+                kept.push(place);
+            }
+        }
+        let (mut x, floor) = (kept.clone(), Wall::new(Vec3::zeros(), -Vec3::z()));
+        assert!(x.len() > 150);
+        assert_eq!(spread(&mut x, &vec![1.0; kept.len()], &[floor], &AIM), Ok(0));
+        assert_eq!(x, kept);
+    }
+
+    #[test]
+    fn a_heap_in_one_place_is_parted_in_a_way_that_the_ids_give() {
+        let heap = |n: usize| {
+            let mut x = vec![Vec3::new(0.5, 0.5, 0.5); n];
+            spread(&mut x, &vec![0.1; n], &[], &AIM).unwrap();
+            x
+        };
+        let x = heap(30);
+        for i in 0..30 {
+            for j in 0..i {
+                assert!((x[i] - x[j]).norm() > 0.2 - 1e-4, "{i} {j}");
+            }
+        }
+        assert_eq!(x, heap(30));
+        assert_eq!(way_out(3, 7), -way_out(7, 3));
+        assert_ne!(way_out(3, 7), way_out(3, 8));
+    }
+
+    #[test]
+    fn the_number_of_threads_changes_no_bit() {
+        // More than one thread takes part from 2048 spheres on.
+        let (start, radii) = (anywhere(6000, 40.0), vec![1.0; 6000]);
+        let of = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut x = start.clone();
+            let sweeps = pool.install(|| spread(&mut x, &radii, &[], &AIM));
+            (x, sweeps)
+        };
+        let alone = of(1);
+        assert!(alone.1.is_ok_and(|sweeps| sweeps > 10));
+        assert_eq!(of(2), alone);
+        assert_eq!(of(3), alone);
+    }
+
+    #[test]
+    fn spheres_without_room_are_refused_and_told_what_remains() {
+        let walls = [-1.0, 1.0].map(|side| Wall::new(Vec3::new(0.0, 0.0, side), Vec3::new(0.0, 0.0, side)));
+        let mut x = [Vec3::new(0.0, 0.0, 0.1)];
+        // Between planes 2 m apart, a sphere of 1.5 m overlaps each by 0.5 m at least.
+        let remains = spread(&mut x, &[1.5], &walls, &Aim { sweeps: 500, ..AIM }).unwrap_err();
+        assert!((remains - 1.0 / 3.0).abs() < 1e-3, "{remains}");
+        let full = scene(&["container.box.max=[0.3, 0.3, 0.3]"]);
+        let start = at(&[[0.1, 0.1, 0.1], [0.2, 0.2, 0.2], [0.1, 0.2, 0.1], [0.2, 0.1, 0.2]]);
+        let told = pushed(&full, start).unwrap_err().to_string();
+        assert!(told.contains("start.csv: particles.push_apart = true cannot part the spheres"), "{told}");
+        assert!(told.contains("a larger container would do"), "{told}");
+    }
+
+    #[test]
+    fn a_scene_tells_what_was_moved_and_keeps_velocities() {
+        // Two overlap by 0.05 m, one of them also the floor by 0.02 m, and a third nothing.
+        let start = at(&[[0.5, 0.5, 0.08], [0.5, 0.5, 0.23], [0.2, 0.2, 0.9]]);
+        let parted = pushed(&scene(&[]), start.clone()).unwrap();
+        let Pushed { overlapping, deepest, furthest, sweeps } = parted.pushed.unwrap();
+        assert_eq!(overlapping, 2);
+        assert!((deepest - 0.05).abs() < 1e-12 && sweeps > 0, "{deepest}");
+        let moved = |i: usize| (Vec3::from(parted.x[i]) - Vec3::from(start.x[i])).norm();
+        assert!((furthest - moved(0).max(moved(1))).abs() < 1e-15 && furthest > 0.02, "{furthest}");
+        assert_eq!((parted.x[2], &parted.v), (start.x[2], &start.v));
+        assert!(parted.x[0][2] > 0.1 - 1e-4 && parted.x[1][2] - parted.x[0][2] > 0.2 - 1e-4);
+        // A centre beyond a wall is a mistake, with or without the key.
+        let beyond = pushed(&scene(&[]), at(&[[0.5, 0.5, -0.01]])).unwrap_err().to_string();
+        assert!(beyond.contains("0.01 m beyond the side z = 0 m"), "{beyond}");
+        let without = pushed(&scene(&["particles.push_apart=false"]), start.clone()).unwrap();
+        assert_eq!(without, start);
+    }
 }

@@ -1,30 +1,24 @@
-//! Random starts: spheres at places drawn one by one, then pushed apart until none overlaps.
+//! Random starts: places that are drawn one by one, then pushed apart until no two spheres overlap.
 
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::insertion::places;
 use super::push_apart::{Aim, spread};
 use super::room::Room;
 use super::{InitialCondition, sizes::mass_of};
 use crate::error::Error;
 use crate::math::digits::{rough, short};
-use crate::math::vector::Vec3;
 use crate::scene::Scene;
 use crate::scene::starts::Random;
 
-/// Sweeps after which a start counts as impossible. It takes about 100 at a fraction of 0.5 in a wide room,
-/// and 400 in one that is 10 radii wide.
+/// Sweeps after which a start counts as impossible. At a fraction of 0.5 it takes about 110 in a wide room,
+/// and 600 in one that is 12 radii wide.
 const MOST_SWEEPS: u32 = 3000;
 
-/// Draws for the centre of one sphere at most: oblique walls may cut most of the box around a room away.
-const MOST_DRAWS: u32 = 100_000;
-
-/// Spheres are pushed apart as if they took this share of the room, so that they keep a little more than no
-/// distance. That takes a third of the sweeps.
-const SHARE_WITH_GAPS: f64 = 0.55;
-
-/// The gaps are at most this share of the sum of radii.
-const WIDEST_GAP: f64 = 0.05;
+/// Pairs are drawn and pushed to this distance over the sum of their radii: pushing ends sooner, and forces
+/// at the start are weaker. A longer one would leave a trace in the distances of spheres.
+const APART: f64 = 1.01;
 
 /// Why spheres could not be put into a room.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,22 +54,8 @@ pub enum Stuck {
 /// ```
 pub fn centres(radii: &[f64], room: &Room, seed: u64) -> Result<Vec<[f64; 3]>, Stuck> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let [low, high] = room.corners;
-    let mut x = Vec::with_capacity(radii.len());
-    for &r in radii {
-        let place = (0..MOST_DRAWS).find_map(|_| {
-            let place = Vec3::from_fn(|axis, _| {
-                let (least, most) = (low[axis] + r, high[axis] - r);
-                // A room of exactly two radii has one place.
-                least + random.random::<f64>() * (most - least).max(0.0)
-            });
-            let inside = room.walls.iter().all(|wall| wall.depth(&place) >= r * (1.0 - 1e-9));
-            inside.then_some(place)
-        });
-        x.push(place.ok_or(Stuck::Place(r))?);
-    }
-    let gap = (SHARE_WITH_GAPS / room.fraction).cbrt() - 1.0;
-    let aim = Aim { apart: 1.0 + gap.clamp(0.0, WIDEST_GAP), remains: 0.0, sweeps: MOST_SWEEPS };
+    let mut x = places(radii, room, APART, &mut random)?;
+    let aim = Aim { apart: APART, remains: 0.0, sweeps: MOST_SWEEPS };
     spread(&mut x, radii, &room.walls, &aim).map_err(Stuck::Overlap)?;
     Ok(x.into_iter().map(Into::into).collect())
 }
@@ -95,8 +75,8 @@ pub(super) fn random(scene: &Scene, random: &Random) -> Result<InitialCondition,
         let why = match stuck {
             Stuck::Place(r) => format!("no place for a sphere of {} m was found in its room", short(r)),
             Stuck::Overlap(overlap) => format!(
-                "after {MOST_SWEEPS} sweeps spheres still overlap by {} of the smaller radius at the fraction \
-                 {} of its room",
+                "after {MOST_SWEEPS} sweeps spheres still overlap by {} of the smaller radius at the \
+                 fraction {} of its room",
                 rough(overlap),
                 short(room.fraction)
             ),
@@ -108,7 +88,7 @@ pub(super) fn random(scene: &Scene, random: &Random) -> Result<InitialCondition,
         });
         let would_do = match possible {
             Some(fraction) => format!("particles.random.fraction = {} would do", short(fraction)),
-            None => "a smaller count, or a region that is wider in its narrowest direction, would do".to_owned(),
+            None => "a smaller count, or a region that is less narrow, would do".to_owned(),
         };
         Error::Input(format!("particles.random: {why}; {would_do}"))
     })?;
