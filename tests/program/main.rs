@@ -25,5 +25,7 @@ mod render;
 mod restart;
 #[cfg(feature = "mpi")]
 mod sizes;
+#[cfg(feature = "mpi")]
+mod starts;
 mod streams;
 mod writers;

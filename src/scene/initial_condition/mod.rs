@@ -3,7 +3,6 @@
 mod check;
 mod file;
 mod header;
-mod insertion;
 mod lattice;
 mod near;
 pub mod overlaps;

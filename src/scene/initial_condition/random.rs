@@ -1,23 +1,26 @@
 //! Random starts: places that are drawn one by one, then pushed apart until no two spheres overlap.
 
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::insertion::places;
 use super::push_apart::{Aim, spread};
 use super::room::Room;
 use super::{InitialCondition, sizes::mass_of};
 use crate::error::Error;
 use crate::math::digits::{rough, short};
+use crate::math::vector::Vec3;
 use crate::scene::Scene;
 use crate::scene::starts::Random;
 
 /// Sweeps after which a start counts as impossible. At a fraction of 0.5 it takes about 110 in a wide room,
-/// and 600 in one that is 12 radii wide.
+/// and 150 in one that is 12 radii wide.
 const MOST_SWEEPS: u32 = 3000;
 
-/// Pairs are drawn and pushed to this distance over the sum of their radii: pushing ends sooner, and forces
-/// at the start are weaker. A longer one would leave a trace in the distances of spheres.
+/// Draws for the place of one sphere at most: oblique walls may cut off most of the box around a room.
+const MOST_DRAWS: u32 = 100_000;
+
+/// Pairs are pushed to this distance over the sum of their radii: pushing ends sooner, and forces at the start
+/// are weaker. A longer one would leave a trace in the distances of spheres.
 const APART: f64 = 1.01;
 
 /// Why spheres could not be put into a room.
@@ -54,10 +57,29 @@ pub enum Stuck {
 /// ```
 pub fn centres(radii: &[f64], room: &Room, seed: u64) -> Result<Vec<[f64; 3]>, Stuck> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut x = places(radii, room, APART, &mut random)?;
+    let mut x = Vec::with_capacity(radii.len());
+    for &r in radii {
+        x.push(place(room, r, &mut random)?);
+    }
     let aim = Aim { apart: APART, remains: 0.0, sweeps: MOST_SWEEPS };
     spread(&mut x, radii, &room.walls, &aim).map_err(Stuck::Overlap)?;
     Ok(x.into_iter().map(Into::into).collect())
+}
+
+/// A place (m) at least `r` (m) away from all walls.
+fn place(room: &Room, r: f64, random: &mut ChaCha8Rng) -> Result<Vec3, Stuck> {
+    let [low, high] = room.corners;
+    for _ in 0..MOST_DRAWS {
+        let place = Vec3::from_fn(|axis, _| {
+            // A room of exactly two radii has one place.
+            let side = (high[axis] - low[axis] - 2.0 * r).max(0.0);
+            low[axis] + r + random.random::<f64>() * side
+        });
+        if room.walls.iter().all(|wall| wall.depth(&place) >= r * (1.0 - 1e-9)) {
+            return Ok(place);
+        }
+    }
+    Err(Stuck::Place(r))
 }
 
 /// The random start of a scene, at rest. A pure function: it gives the same on every rank.
