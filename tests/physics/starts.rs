@@ -58,7 +58,7 @@ fn a_dense_random_start_settles_and_throws_no_sphere() {
     // Spheres that nearly touch push each other a little: by less than a radius.
     nobody_is_thrown(&run, &start, 0.1);
     // There are as many heights before and after.
-    assert!(heights(&run.end().x).sum::<f64>() < heights(&start.x).sum(), "the bed has come down");
+    assert!(heights(&run.end().x).sum::<f64>() < heights(&start.x).sum::<f64>(), "the bed has come down");
 }
 
 #[test]
