@@ -74,7 +74,7 @@ pub struct AccuracyArgs {
     )]
     pub steps: Vec<f64>,
 
-    /// Initial states of a scene with particles.grid: its seeds 1 to N
+    /// Initial states of a scene with a seed, such as particles.grid.seed: seeds 1 to N
     #[arg(
         long,
         value_name = "N",

@@ -14,8 +14,8 @@ use crate::studies::job_pool::JobPool;
 
 /// Run scenes from many initial states, and show means, ranges and 95 % intervals of the beds
 ///
-/// A case is a scene with one value of every varied key. Every case runs once for every seed of
-/// particles.grid.seed. The measures are those of analyze, at the end of the runs and over time.
+/// A case is a scene with one value of every varied key. Every case runs once for every seed of its start,
+/// such as particles.grid.seed. The measures are those of analyze, at the end of the runs and over time.
 ///
 /// The folder gets runs.csv (every run), summary.csv and summary.json, evolution.csv, ranges.svg and
 /// evolution.svg. The table goes to stdout.

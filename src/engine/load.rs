@@ -9,14 +9,24 @@ use crate::error::Error;
 use crate::math::digits;
 use crate::model::columns::Column;
 use crate::scene::initial_condition::{self, InitialCondition};
-use crate::scene::{LeftOut, Scene, effects, species};
+use crate::scene::{LeftOut, Particles, Scene, effects, shown, species};
 use std::iter;
 use std::path::Path;
 
+/// Reads the last frame of the run in a file: all particles, with columns of their radii and masses.
+///
+/// Rank 0 alone calls it. Files of runs are above this folder, so the caller brings it.
+pub type ReadRun<'a> = &'a dyn Fn(&Path) -> Result<InitialCondition, Error>;
+
 /// Reads the scene file `path` and its particles on rank 0, and checks both on every rank. Collective.
 ///
-/// `sets` are the `--set` options; they apply on every rank.
-pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, InitialCondition), Error> {
+/// `sets` are the `--set` options; they apply on every rank. [`crate::files::load::load`] brings `read_run`.
+pub fn load(
+    path: &Path,
+    sets: &[String],
+    comm: &dyn Comm,
+    read_run: ReadRun,
+) -> Result<(Scene, InitialCondition), Error> {
     let text = share(comm, || {
         let unreadable = |why| Error::Input(format!("{}: the scene cannot be read: {why}", path.display()));
         initial_condition::read_bytes(path).map_err(|why| unreadable(why.to_string())).and_then(|bytes| {
@@ -26,31 +36,41 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
     })?;
     let name = path.to_string_lossy();
     let folder = path.parent().map(Path::to_path_buf).unwrap_or_default();
-    let LeftOut { file, radius, mass, density } = LeftOut::of(&name, &text, sets)?;
+    let LeftOut { file, run, radius, mass, density } = LeftOut::of(&name, &text, sets)?;
     let mut sets = sets.to_vec();
     // The file is read once: it may be a pipe.
     let mut early = None;
-    if let Some(file) = file.filter(|_| radius.is_none_or(|r| r > 0.0) && (radius.is_none() || !mass)) {
+    let says_all = radius.is_some() && mass;
+    // Of two sources none is read: the scene is refused.
+    let run = run.filter(|_| file.is_none());
+    let file = file.filter(|_| radius.is_none_or(|r| r > 0.0) && !says_all);
+    let mut typical = [None; 2];
+    if file.is_some() || run.is_some() {
         let means = share(comm, || {
-            let table = initial_condition::read_table(&file, &folder, true)?;
+            let table = match (&run, file) {
+                (None, Some(file)) => initial_condition::read_table(&file, &folder, true)?,
+                (run, _) => read_run(&folder.join(run.as_deref().unwrap_or(Path::new(""))))?,
+            };
             let means = serde_json::to_string(&table.means(radius)).expect("these are numbers");
             early = Some(table);
             Ok(means)
         })?;
-        let [own_radius, own_mass]: [Option<f64>; 2] = serde_json::from_str(&means).unwrap_or_default();
+        typical = serde_json::from_str(&means).unwrap_or_default();
+        let [own_radius, own_mass]: [Option<f64>; 2] = typical;
         let set = |key: &str, number: f64| format!("particles.{key}={number:?}");
         sets.extend(own_radius.filter(|_| radius.is_none()).map(|r| set("radius", r)));
         sets.extend(own_mass.filter(|_| !mass).map(|mass| set("mass", mass)));
     }
     let tables = |table: &Path| share(comm, || species::read(table, &folder));
     let mut scene = Scene::parse_with(&folder, &name, &text, &sets, &tables)?;
+    fits_the_run(&scene, typical)?;
     // A TOML integer holds 63 bits. With a longer seed the scene in the run file could not be read again.
     let seed = share(comm, || Ok((rand::random::<u64>() >> 1).to_string()))?;
     scene.set_seed_if_missing(seed.parse().expect("it was printed as a number"));
-    let start = match &scene.particles.grid {
-        Some(grid) => {
-            agree(comm, check_memory(comm, &scene, grid.count))?;
-            let start = initial_condition::grid(&scene, grid);
+    let start = match scene.particles.count() {
+        Some(count) => {
+            agree(comm, check_memory(comm, &scene, count))?;
+            let start = initial_condition::made(&scene)?;
             start.settle_drawn(&mut scene, radius.is_none(), !mass || density.is_some());
             start
         }
@@ -66,9 +86,28 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
             start
         }
     };
-    initial_condition::check(&scene, &start)?;
+    let start = initial_condition::ready(&scene, start)?;
     scene.settle_contacts(&start)?;
     Ok((scene, start))
+}
+
+/// Checks that radius and mass of a scene that starts from a run are those of its spheres, if it has both.
+/// `typical` is the mean radius (m) and mass (kg) of the run.
+fn fits_the_run(scene: &Scene, typical: [Option<f64>; 2]) -> Result<(), Error> {
+    let Particles { run: Some(run), radius, mass, .. } = &scene.particles else { return Ok(()) };
+    for (key, own, of_run, unit) in [("radius", radius, typical[0], "m"), ("mass", mass, typical[1], "kg")] {
+        // Means are rounded.
+        if of_run.is_some_and(|of_run| (own - of_run).abs() > 1e-9 * of_run) {
+            return Err(Error::Input(format!(
+                "particles.{key} = {} {unit} contradicts particles.run = \"{}\", whose spheres have {} \
+                 {unit}: it must be left out",
+                digits::short(*own),
+                shown(run),
+                digits::short(of_run.unwrap_or_default())
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Copies the particles that rank 0 has in `own` to every rank. Collective.
@@ -87,7 +126,7 @@ pub fn share_start(comm: &dyn Comm, own: InitialCondition) -> InitialCondition {
     let (columns, unread): (Vec<Column>, _) = serde_json::from_slice(&described).expect("rank 0 wrote them");
     let own = own.iter().map(Vec::as_slice).chain(iter::repeat(&[][..]));
     let columns = columns.into_iter().zip(own).map(|(column, own)| (column, numbers(own))).collect();
-    InitialCondition { x, v, omega, columns, unread }
+    InitialCondition { x, v, omega, columns, unread, pushed: None }
 }
 
 /// Listed pairs per particle in a packed bed, approximately.
@@ -130,9 +169,10 @@ pub fn check_memory(comm: &dyn Comm, scene: &Scene, count: u64) -> Result<(), Er
              do",
             digits::bytes(needed),
             digits::bytes(there),
-            match scene.particles.grid {
-                Some(_) => "a smaller particles.grid.count",
-                None => "fewer rows of particles.file",
+            match scene.particles.source() {
+                "particles.file" => "fewer rows of particles.file".to_owned(),
+                "particles.run" => "a particles.run with fewer particles".to_owned(),
+                made => format!("a smaller {made}.count"),
             }
         )));
     }
@@ -157,6 +197,7 @@ mod tests {
             omega: vec![[4.0, 4.1, 4.2], [5.0, 5.1, 5.2]],
             columns: vec![(column("tag", 1), vec![6.0, 7.0]), (column("way", 2), vec![8.0, 8.5, 9.0, 9.5])],
             unread: vec!["mass".to_owned()],
+            pushed: None,
         };
         team(3, |comm| {
             let own = if comm.rank() == 0 { start.clone() } else { InitialCondition::default() };

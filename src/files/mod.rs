@@ -1,6 +1,7 @@
 //! The files of a run: its output file, written and read, its checkpoints, and the lock of its one writer.
 
 pub mod checkpoint;
+pub mod load;
 pub mod lock;
 pub mod names;
 pub mod output;

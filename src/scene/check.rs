@@ -3,11 +3,12 @@
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
 
+use super::check_starts::starts;
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
 use super::source::{Source, Span, brief};
 use super::stop::Stop;
 use super::walls::{walls, walls_without_room};
-use super::{BoxSides, Checkpoint, Container, Grid, Particles, Scene};
+use super::{BoxSides, Checkpoint, Container, Particles, Scene};
 use crate::error::Error;
 use crate::math::digits::{rough, short};
 use crate::model::effects::FrictionLaw;
@@ -245,7 +246,6 @@ pub(super) fn one_radius(source: &Source, scene: &Scene) -> Result<(), Error> {
 /// Checks how keys relate to each other.
 pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
     one_mass(source, scene)?;
-    one_source(source, scene)?;
     contacts(source, scene)?;
     if let Some(sides) = &scene.container.r#box {
         box_sides(source, sides)?;
@@ -261,9 +261,7 @@ pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
         }
     }
     room_between_walls(source, &scene.container)?;
-    if let Some(grid) = &scene.particles.grid {
-        room_for_grid(source, &scene.container, grid)?;
-    }
+    starts(source, scene)?;
     steps(source, scene)?;
     checkpoints(source, scene)?;
     frames(source, scene)
@@ -290,28 +288,6 @@ fn one_mass(source: &Source, scene: &Scene) -> Result<(), Error> {
                 "particles.density gives spheres of {} m a mass of {found:e} kg, which no arithmetic \
                  survives: it is the density in kg/m^3, e.g. density = 2500.0",
                 short(radius)
-            ),
-        )),
-        _ => Ok(()),
-    }
-}
-
-fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {
-    let particles = &scene.particles;
-    let example = "file = \"start.csv\" or [particles.grid]";
-    match (&particles.file, &particles.grid) {
-        (Some(_), Some(_)) => Err(source.error(
-            source.key("particles.file"),
-            &format!(
-                "particles.file and particles.grid contradict each other: exactly one says where the spheres \
-                 start, {example}"
-            ),
-        )),
-        (None, None) => Err(source.error(
-            source.key("particles"),
-            &format!(
-                "particles.file or particles.grid is missing: one of them must say where the spheres \
-                 start, {example}"
             ),
         )),
         _ => Ok(()),
@@ -418,39 +394,6 @@ fn room_between_walls(source: &Source, container: &Container) -> Result<(), Erro
     let path = format!("container.wall[{}]", k.saturating_sub(sides));
     let span = source.value(&format!("{path}.normal")).or_else(|| source.value(&format!("{path}.point")));
     Err(source.error(span.or_else(|| source.key("container.wall")), &message))
-}
-
-/// Checks that a grid has a box that is finite in x and y, with room for at least one cell.
-fn room_for_grid(source: &Source, container: &Container, grid: &Grid) -> Result<(), Error> {
-    let Some(sides) = &container.r#box else {
-        let message = "particles.grid needs container.box with finite sides in x and y, which is missing, \
-             e.g. box = { min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] } under [container]";
-        return Err(source.error(source.key("particles.grid"), message));
-    };
-    for (axis, (min, max)) in ["x", "y"].into_iter().zip(sides.min.into_iter().zip(sides.max)) {
-        for (corner, value) in [("min", min), ("max", max)] {
-            if value.is_infinite() {
-                let path = format!("container.box.{corner}");
-                let span = source.value(&path).or_else(|| source.key("particles.grid"));
-                let message = format!(
-                    "{path} is {value} in {axis}: particles.grid needs a box that is finite in x and y"
-                );
-                return Err(source.error(span, &message));
-            }
-        }
-        let side = max - min;
-        if cells_along(side, grid.spacing) == 0 {
-            let message = format!(
-                "{} is larger than the side of container.box in {axis}, {} m: not one cell of the grid \
-                 fits in, it must be at most that",
-                source.assignment("particles.grid.spacing", grid.spacing, "m"),
-                short(side)
-            );
-            let span = source.value("particles.grid.spacing").or_else(|| source.value("container.box.max"));
-            return Err(source.error(span, &message));
-        }
-    }
-    Ok(())
 }
 
 /// Checks that velocity-verlet has a fixed step and no tolerance, and that no other method has a fixed step.

@@ -112,6 +112,10 @@ pub(super) const KEYS: &[Key] = &[
     optional("particles.file", Text,
              "the path of a CSV file with the columns x,y,z and perhaps radius, mass, density, species",
              "\"start.csv\""),
+    optional("particles.run", Text,
+             "the path of the file of another run, whose last frame is the start", "\"other.vtkhdf\""),
+    optional("particles.push_apart", Switch,
+             "whether spheres that overlap at the start are pushed apart before the run", "true"),
     optional("particles.grid", Table,
              "the table of the randomly perturbed grid", "{ count = 200, spacing = 0.25 }"),
     optional("particles.grid.count", Count, "the number of spheres", "200"),
@@ -120,6 +124,28 @@ pub(super) const KEYS: &[Key] = &[
              "the largest random shift of a sphere in m", "0.025"),
     optional("particles.grid.bottom", Number(Finite), "the height of the lowest cells in m", "1.1"),
     optional("particles.grid.seed", Seed, "the seed of the random shifts", "1"),
+    optional("particles.random", Table,
+             "the table of random places without an overlap", "{ count = 200, fraction = 0.3 }"),
+    required("particles.random.count", Count, "the number of spheres", "200"),
+    optional("particles.random.fraction", Number(Positive),
+             "the volume of the spheres over that of the room that they take, at most 0.5", "0.3"),
+    optional("particles.random.seed", Seed, "the seed of the random places", "1"),
+    optional("particles.random.region", Table, "the table of the part of the container where they start",
+             "{ min = [0.0, 0.0, 0.0], max = [1.0, 1.0, inf] }"),
+    required("particles.random.region.min", Vector { open: true },
+             "the lower corner of the region in m (-inf: as far as the walls)", "[0.0, 0.0, 0.0]"),
+    required("particles.random.region.max", Vector { open: true },
+             "the upper corner of the region in m (inf: as far as the walls)", "[1.0, 1.0, inf]"),
+    optional("particles.lattice", Table,
+             "the table of the hexagonal close packed lattice", "{ count = 200, spacing = 0.202 }"),
+    required("particles.lattice.count", Count, "the number of spheres", "200"),
+    optional("particles.lattice.spacing", Number(Positive),
+             "the distance of neighbouring centres in m, at least 2 radii", "0.202"),
+    optional("particles.lattice.jitter", Number(NotNegative),
+             "the largest random shift of a sphere in m", "0.0"),
+    optional("particles.lattice.bottom", Number(Finite),
+             "the height in m of the plane on which the lowest layer lies", "0.0"),
+    optional("particles.lattice.seed", Seed, "the seed of the random shifts", "1"),
 
     required("species.name", Text, "the name of the species", "\"coarse\""),
     optional("species.share", Number(Share),
@@ -303,10 +329,13 @@ mod tests {
     use super::*;
     use crate::scene::Scene;
 
-    /// Keys that exclude others, and so do not stand in the scene of examples.
-    const ALTERNATIVES: [&str; 9] = [
+    /// Keys that exclude others. The tables among them are other sources than `particles.grid`.
+    const ALTERNATIVES: [&str; 12] = [
         "particles.density",
         "particles.file",
+        "particles.run",
+        "particles.random",
+        "particles.lattice",
         "contact.overlap",
         "contact.drop",
         "solver.step",
@@ -316,13 +345,16 @@ mod tests {
         "species.radius.table",
     ];
 
-    /// All other examples as one scene.
-    fn scene_of_examples() -> String {
+    const STARTS: [&str; 3] = ["particles.grid", "particles.random", "particles.lattice"];
+
+    /// All examples as one scene, with the table `start` as the source of particles.
+    fn scene_of_examples(start: &str) -> String {
         let mut text = String::new();
         for table in [
             "",
             "particles",
-            "particles.grid",
+            start,
+            &format!("{start}.region"),
             "container.box",
             "contact",
             "friction",
@@ -334,7 +366,7 @@ mod tests {
             "limits",
             "stop",
         ] {
-            if !table.is_empty() {
+            if !table.is_empty() && of_table(table).next().is_some() {
                 text += &format!("[{table}]\n");
             }
             for key in of_table(table) {
@@ -359,13 +391,13 @@ mod tests {
 
     #[test]
     fn every_example_is_a_valid_value() {
-        Scene::parse("examples.toml", &scene_of_examples(), &[]).unwrap();
+        for start in STARTS {
+            Scene::parse("examples.toml", &scene_of_examples(start), &[]).unwrap();
+        }
     }
 
     #[test]
     fn the_keys_of_the_list_are_the_keys_of_the_structs() {
-        let scene = Scene::parse("examples.toml", &scene_of_examples(), &[]).unwrap();
-        let resolved: toml::Table = scene.resolved().parse().unwrap();
         let mut paths: Vec<_> = ALTERNATIVES.map(str::to_owned).into();
         fn collect(table: &toml::Table, above: &str, paths: &mut Vec<String>) {
             for (name, value) in table {
@@ -380,8 +412,13 @@ mod tests {
                 paths.push(path);
             }
         }
-        collect(&resolved, "", &mut paths);
+        for start in STARTS {
+            let scene = Scene::parse("examples.toml", &scene_of_examples(start), &[]).unwrap();
+            let resolved: toml::Table = scene.resolved().parse().unwrap();
+            collect(&resolved, "", &mut paths);
+        }
         paths.sort();
+        paths.dedup();
         let mut listed: Vec<_> = KEYS.iter().map(|key| key.path.to_owned()).collect();
         listed.sort();
         assert_eq!(paths, listed);

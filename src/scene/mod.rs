@@ -7,6 +7,7 @@
 
 pub mod caveats;
 mod check;
+mod check_starts;
 pub mod contact_scales;
 pub mod effects;
 pub mod initial_condition;
@@ -14,6 +15,7 @@ mod keys;
 mod schema;
 mod source;
 pub mod species;
+pub mod starts;
 pub mod stop;
 mod sync_every;
 pub mod walls;
@@ -32,6 +34,7 @@ use source::Source;
 pub use source::split_values;
 pub(crate) use source::{brief, shown};
 use species::{Mixture, Species, SpeciesBy};
+use starts::{Lattice, Random};
 pub use sync_every::SyncEvery;
 
 /// A checked scene with all defaults filled in. All numbers are in SI units.
@@ -86,7 +89,8 @@ pub struct Scene {
     pub scales: Option<ContactScales>,
 }
 
-/// The spheres and the source of their initial condition: exactly one of `file` and `grid` is `Some`.
+/// The spheres and the source of their initial condition: exactly one of `file`, `run`, `grid`, `random` and
+/// `lattice` is `Some`.
 ///
 /// Columns of the file, or species, may give each sphere a radius and a mass of its own. Then radius and mass
 /// here are those of a typical sphere, from which scales follow that are left out.
@@ -114,15 +118,17 @@ pub struct Particles {
     ///
     /// It is absolute or relative to the folder of the scene.
     pub file: Option<PathBuf>,
+    /// File of another run whose last frame is the initial condition; a path like that of `file`.
+    pub run: Option<PathBuf>,
+    /// Whether spheres that overlap at the start are pushed apart before the run.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub push_apart: bool,
     /// Randomly perturbed grid as the initial condition.
     pub grid: Option<Grid>,
-}
-
-impl Particles {
-    /// The number of spheres, if the scene gives it.
-    pub fn count(&self) -> Option<u64> {
-        self.grid.as_ref().map(|grid| grid.count)
-    }
+    /// Random places without an overlap as the initial condition.
+    pub random: Option<Random>,
+    /// Hexagonal close packed lattice as the initial condition.
+    pub lattice: Option<Lattice>,
 }
 
 /// What a scene says about the sizes of its particles, before it is checked: columns of the particle file may
@@ -131,6 +137,8 @@ impl Particles {
 pub(crate) struct LeftOut {
     /// `particles.file`
     pub file: Option<PathBuf>,
+    /// `particles.run`
+    pub run: Option<PathBuf>,
     /// `particles.radius`, m
     pub radius: Option<f64>,
     /// Whether there is a `particles.mass` or a `particles.density`.
@@ -155,13 +163,11 @@ impl LeftOut {
             let value = particles.get(key)?;
             value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
         };
+        let path = |key: &str| particles.get(key).and_then(toml::Value::as_str).map(PathBuf::from);
         Ok(LeftOut {
             // Species and a file contradict each other.
-            file: particles
-                .get("file")
-                .and_then(toml::Value::as_str)
-                .map(PathBuf::from)
-                .filter(|_| !table.contains_key("species")),
+            file: path("file").filter(|_| !table.contains_key("species")),
+            run: path("run").filter(|_| !table.contains_key("species")),
             radius: number("radius").or_else(|| particles.get("radius").map(|_| f64::NAN)),
             mass: particles.contains_key("mass") || particles.contains_key("density"),
             density: number("density"),
@@ -473,8 +479,8 @@ impl Scene {
     ///
     /// It must be the same on all ranks: rank 0 draws it and broadcasts it.
     pub fn set_seed_if_missing(&mut self, seed: u64) {
-        if let Some(grid) = &mut self.particles.grid {
-            grid.seed.get_or_insert(seed);
+        if let Some(own) = self.particles.seed_mut() {
+            own.get_or_insert(seed);
         }
     }
 
@@ -508,6 +514,18 @@ impl Scene {
         self.friction.as_ref().is_some_and(|friction| friction.rotation && friction.coefficient > 0.0)
     }
 
+    /// The largest radius of a sphere, m; where a file has the spheres, that of a typical one.
+    fn largest_radius(&self) -> f64 {
+        let drawn = Mixture::of(self).zip(self.particles.count());
+        drawn.map_or(self.particles.radius, |(mixture, count)| mixture.range(count)[1])
+    }
+
+    /// The volume of `count` spheres together, m^3.
+    fn volume_of(&self, count: u64) -> f64 {
+        let alike = || count as f64 * initial_condition::mass_of(self.particles.radius, 1.0);
+        Mixture::of(self).map_or_else(alike, |mixture| mixture.volume(count))
+    }
+
     /// A density gives the mass of a sphere.
     fn fill_in_mass(&mut self) {
         let Particles { radius, mass, density, file, .. } = &mut self.particles;
@@ -519,9 +537,7 @@ impl Scene {
     /// Lengths that are left out follow from the radius: a bed of spheres of any size is the same bed. Of
     /// species the largest sphere counts.
     fn fill_in_lengths(&mut self) {
-        let drawn = Mixture::of(self).zip(self.particles.count());
-        let largest = drawn.map(|(mixture, count)| mixture.range(count)[1]);
-        let r = largest.unwrap_or(self.particles.radius);
+        let r = self.largest_radius();
         let fill_in = |length: &mut f64, default: f64| {
             if length.is_nan() {
                 // A scene of any radius can be written with its lengths.
@@ -537,6 +553,10 @@ impl Scene {
             fill_in(&mut grid.spacing, 2.5 * r);
             fill_in(&mut grid.jitter, 0.25 * r);
             fill_in(&mut grid.bottom, floor + 11.0 * r);
+        }
+        if let Some(lattice) = &mut self.particles.lattice {
+            fill_in(&mut lattice.spacing, 2.02 * r);
+            fill_in(&mut lattice.bottom, floor);
         }
     }
 

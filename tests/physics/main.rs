@@ -22,3 +22,4 @@ mod rolling;
 mod scaling;
 mod sizes;
 mod solver;
+mod starts;

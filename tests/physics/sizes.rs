@@ -3,8 +3,8 @@
 
 use crate::common::{Case, Run, assert_near, root};
 use demhybrid::domain::Solo;
-use demhybrid::engine::load::load;
 use demhybrid::engine::simulation::Simulation;
+use demhybrid::files::load::load;
 use demhybrid::math::vector::Vec3;
 use demhybrid::scene::Scene;
 use demhybrid::scene::initial_condition::{InitialCondition, column, read_csv};

@@ -28,5 +28,6 @@ mod restart;
 mod sizes;
 #[cfg(feature = "mpi")]
 mod species;
+mod starts;
 mod streams;
 mod writers;

@@ -62,7 +62,9 @@ fn type_and_range(path: &str, entry: &Value) -> [String; 2] {
     }
     match entry["type"].as_str().unwrap() {
         "array" if entry["items"]["properties"].is_object() => of("tables", "-"),
-        "array" if path.starts_with("container.box.") => of("3 numbers", "finite or infinite"),
+        "array" if ["container.box.", "particles.random.region."].iter().any(|at| path.starts_with(at)) => {
+            of("3 numbers", "finite or infinite")
+        }
         "array" if entry["items"]["type"] == "array" => of("pairs of numbers", "finite"),
         "array" => of(&format!("{} numbers", entry["minItems"]), "finite"),
         "object" => of("table", "-"),
@@ -121,9 +123,17 @@ fn the_defaults_are_those_of_a_scene_that_says_as_little_as_it_may() {
         ("output.interval", "t_end/100"),
         ("particles.density", "none; this or `particles.mass`"),
         ("particles.mass", "none; this or `particles.density`"),
-        ("particles.file", "none; this or `particles.grid`"),
+        ("particles.file", "none; this or another source"),
+        ("particles.run", "none; this or another source"),
+        ("particles.push_apart", "false"),
+        ("particles.random.fraction", "0.3 if open above, else as count and region give"),
+        ("particles.random.seed", "drawn"),
+        ("particles.lattice.bottom", "the floor"),
+        ("particles.lattice.jitter", "0"),
+        ("particles.lattice.seed", "drawn"),
+        ("particles.lattice.spacing", "2.02 radii"),
         ("particles.species_by", "\"number\""),
-        ("particles.species_seed", "the seed of the grid"),
+        ("particles.species_seed", "the seed of the source"),
         ("species.density", "`particles.density`"),
         ("species.share", "1 for a species that is alone"),
         ("particles.grid.bottom", "11 radii above the floor"),

@@ -4,7 +4,9 @@
 
 use std::path::{Path, PathBuf};
 
+use demhybrid::domain::Solo;
 use demhybrid::error::Error;
+use demhybrid::files::load::load;
 use demhybrid::model::effects::FrictionLaw;
 use demhybrid::ode::NormName;
 use demhybrid::scene::initial_condition::{self, InitialCondition};
@@ -28,17 +30,8 @@ fn scenes(name: &str) -> Vec<PathBuf> {
 
 /// What the program does with a scene before the first step.
 fn set_up(file: &Path, sets: &[&str]) -> Result<(Scene, InitialCondition), Error> {
-    let name = file.file_name().unwrap().to_str().unwrap();
     let sets: Vec<String> = sets.iter().map(|&set| set.to_owned()).collect();
-    let text = std::fs::read_to_string(file).unwrap();
-    let mut scene = Scene::parse_in(file.parent().unwrap(), name, &text, &sets)?;
-    scene.set_seed_if_missing(42);
-    let start = match &scene.particles.grid {
-        Some(grid) => initial_condition::grid(&scene, grid),
-        None => initial_condition::read_csv(&scene, file.parent().unwrap())?,
-    };
-    initial_condition::check(&scene, &start)?;
-    Ok((scene, start))
+    load(file, &sets, &Solo)
 }
 
 fn refusal(file: &Path, sets: &[&str]) -> String {
@@ -84,7 +77,7 @@ fn bad_scenes_are_refused_with_the_message_they_carry() {
 
 /// Bad scenes whose mistake has no line: something is missing at the top, or a file as a whole is wrong.
 /// Particles that do not fit the walls are named by id, and by the row of their file.
-const WITHOUT_LINE: [&str; 19] = [
+const WITHOUT_LINE: [&str; 22] = [
     "contact-missing",
     "csv-beyond-a-wall",
     "csv-beyond-arithmetic",
@@ -101,13 +94,16 @@ const WITHOUT_LINE: [&str; 19] = [
     "csv-surface-faster-than-light",
     "empty",
     "grid-below-the-floor",
+    "lattice-below-a-lid",
     "particles-missing",
     "species-table-missing",
+    "run-is-a-table",
+    "run-missing",
     "t-end-missing",
 ];
 
 /// How messages say what would be right.
-const RIGHT: [&str; 15] = [
+const RIGHT: [&str; 16] = [
     "must",
     "e.g.",
     "did you mean",
@@ -123,6 +119,7 @@ const RIGHT: [&str; 15] = [
     "commas",
     "lower case",
     "left out",
+    "would do",
 ];
 
 #[test]

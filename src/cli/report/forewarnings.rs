@@ -211,13 +211,15 @@ fn overlap_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     };
     let others =
         if deep > 1 { format!(", {deep} overlaps are deeper than {DEEP} of it") } else { String::new() };
+    let source = scene.particles.source();
     let advice = match &scene.particles.grid {
         Some(grid) => grid_advice(grid, sizes.largest(), deepest, wall),
-        None => format!("overlaps of {} m or less in particles.file would do", short(at_most(enough))),
+        None => format!("overlaps of {} m or less in {source} would do", short(at_most(enough))),
     };
     Some(format!(
         "warning: at the start spheres overlap each other or a wall by up to {} m, {} of the radius \
-         ({between}{others}): {why}; {advice}",
+         ({between}{others}): {why}; {advice}, and particles.push_apart = \
+         true parts them",
         rough(deepest),
         rough(deepest / r)
     ))

@@ -268,7 +268,7 @@ fn overlaps_at_the_start_are_told_with_who_and_how_many() {
         "by up to 0.188 m, 1.88 of the radius (particles 0 and 1): ",
         // The force, 10 exp(150 * 0.1875) N, opens such a contact within 3e-8 s.
         "no step from solver.min_step = 1e-9 s on can follow that",
-        "overlaps of 0.03 m or less in particles.file would do",
+        "overlaps of 0.03 m or less in particles.file would do, and particles.push_apart = true parts them",
     ] {
         assert!(warning.contains(part), "{warning}");
     }

@@ -186,6 +186,9 @@ pub fn plan(
     for (k, row) in composition::lines(scene, start).into_iter().enumerate() {
         line(if k == 0 { "sizes" } else { "" }, row);
     }
+    if let Some(pushed) = particles::pushed_apart(start) {
+        line("start", pushed);
+    }
     line("time", format!("to t = {} s, {} frames", short(scene.t_end), frames(scene)));
     line("solver", solver(scene, start));
     line("contacts", contacts(scene, cutoff));
@@ -331,6 +334,9 @@ pub fn summary(
         // Writing to a string cannot fail.
         let _ = writeln!(text, "  {head:<18}{rest}");
     };
+    if let Some(pushed) = particles::pushed_apart(start) {
+        line("start", pushed);
+    }
     line(
         "steps",
         format!("{accepted} accepted, {rejected} rejected, {outrun} outrun, {forced} forced at the minimum"),

@@ -5,6 +5,7 @@ use crate::model::columns::SPECIES;
 use crate::model::size::{Size, Sizes};
 use crate::scene::Scene;
 use crate::scene::initial_condition::InitialCondition;
+use crate::scene::initial_condition::push_apart::Pushed;
 
 /// Most names of species in a plan.
 const MOST_NAMES: usize = 8;
@@ -55,6 +56,21 @@ pub(super) fn species(start: &InitialCondition) -> Option<String> {
     let counted = column.names.iter().zip(&counts).take(MOST_NAMES);
     let counted: Vec<String> = counted.map(|(name, count)| format!("{count} {name}")).collect();
     Some(counted.join(", ") + &more)
+}
+
+/// What `particles.push_apart` moved, if the scene asks for it.
+pub(super) fn pushed_apart(start: &InitialCondition) -> Option<String> {
+    let Pushed { overlapping, deepest, furthest, sweeps } = start.pushed?;
+    let count = start.x.len();
+    Some(match overlapping {
+        0 => format!("none of {count} spheres overlapped, so push_apart moved none"),
+        _ => format!(
+            "{overlapping} of {count} spheres overlapped, by up to {} m; pushed apart in {sweeps} sweeps, the \
+             furthest by {} m",
+            rough(deepest),
+            rough(furthest)
+        ),
+    })
 }
 
 /// What shares of a radius refer to in reports: all have this radius, or it is that of a typical one.

@@ -6,8 +6,8 @@ use crate::domain::agreement::{agree, share, write_on_rank_0};
 use crate::domain::launch::{self, Threads};
 use crate::domain::stdout;
 use crate::engine::dynamics::common_instructions;
-use crate::engine::load::load;
 use crate::error::Error;
+use crate::files::load::load;
 use crate::files::output::{Claim, Output};
 use crate::math::instructions::InstructionSet;
 use crate::scene::Scene;
@@ -144,11 +144,11 @@ fn load_for_output(args: &Args, path: &Path, comm: &dyn Comm) -> Result<(Scene, 
 /// Refuses an output file that would overwrite the scene, its particles or a sieve curve.
 fn spare_the_input(path: &Path, scene: &Scene, output: &Path) -> Result<String, Error> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let particles = scene.particles.file.as_ref().map(|file| folder.join(file));
+    let particles = scene.particles.read_from().map(|file| folder.join(file));
     let same =
         |input: &Path| matches!((input.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b);
     let tables = scene.species.iter().filter_map(|species| Some(folder.join(species.table()?)));
-    let inputs = [(Some(path.to_path_buf()), "the scene"), (particles, "particles.file")].into_iter();
+    let inputs = [(Some(path.to_path_buf()), "the scene"), (particles, scene.particles.source())].into_iter();
     for (input, what) in inputs.chain(tables.map(|table| (Some(table), "the sieve curve of a species"))) {
         if input.is_some_and(|input| same(&input)) {
             let file = output.display();

@@ -250,7 +250,7 @@ fn scene_of(file: &Path, recorded: &str, sets: &[String]) -> Result<Scene, Strin
 
 /// The initial condition of a run whose file holds `frames` frames. Collective.
 ///
-/// It is the first frame. If there is none, it comes from `particles.grid` of the scene.
+/// It is the first frame. If there is none, it is made as the keys of the scene describe it.
 fn start_of(
     comm: &dyn Comm,
     scene: &Scene,
@@ -259,14 +259,14 @@ fn start_of(
     count: u64,
 ) -> Result<InitialCondition, Error> {
     if frames == 0 {
-        let Some(grid) = &scene.particles.grid else {
+        let Some(count) = scene.particles.count() else {
             return Err(Error::Input(format!(
                 "--resume {}: it holds neither a frame nor a checkpoint; start its scene anew, with --force",
                 path.display()
             )));
         };
-        agree(comm, check_memory(comm, scene, grid.count))?;
-        return Ok(initial_condition::grid(scene, grid));
+        agree(comm, check_memory(comm, scene, count))?;
+        return initial_condition::ready(scene, initial_condition::made(scene)?);
     }
     agree(comm, check_memory(comm, scene, count))?;
     let mut read = InitialCondition::default();

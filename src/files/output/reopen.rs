@@ -71,8 +71,13 @@ pub fn inspect(path: &Path) -> Result<Found, String> {
 
 /// The state of all `count` particles in the first frame.
 pub fn first_frame(path: &Path, count: u64) -> Result<InitialCondition, String> {
+    whole_frame(path, 0, count)
+}
+
+/// The state of all `count` particles in frame `k`, which must be complete, and their columns.
+pub fn whole_frame(path: &Path, k: u64, count: u64) -> Result<InitialCondition, String> {
     let file = open(path)?;
-    Ok(InitialCondition { columns: constants(&file, count).map_err(say)?, ..frame(&file, 0, count)? })
+    Ok(InitialCondition { columns: constants(&file, count).map_err(say)?, ..frame(&file, k, count)? })
 }
 
 /// The state of all `count` particles in frame `k`, which must be complete.

@@ -13,7 +13,7 @@ const FURTHEST: f64 = 1e12;
 /// Largest component of the velocity of a centre or a surface, m/s: that of light.
 const FASTEST: f64 = 3e8;
 
-/// Checks the initial condition of either source.
+/// Checks the initial condition of any source.
 ///
 /// All numbers must be finite and within what arithmetic resolves. Angular velocities must be 0 without
 /// rotation. Every centre must lie strictly inside all walls, and no two may be the same.
@@ -33,6 +33,21 @@ const FASTEST: f64 = 3e8;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
+    check_all_but_twins(scene, start)?;
+    match overlaps::coincident(scene, &start.x) {
+        None => Ok(()),
+        Some([i, j]) => Err(Error::Input(format!(
+            "{}: {} have the same centre, {} m, and a contact between them has no direction: all centres \
+             must differ, or particles.push_apart = true parts them",
+            origin(scene),
+            named(scene, &[i, j]),
+            triple(&start.x[i])
+        ))),
+    }
+}
+
+/// Checks all that [`check`] does, but for centres that are the same.
+pub(super) fn check_all_but_twins(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
     let walls = described_walls(&scene.container);
     let rotates = scene.rotates();
     start.check_sizes(scene)?;
@@ -77,16 +92,7 @@ pub fn check(scene: &Scene, start: &InitialCondition) -> Result<(), Error> {
             }
         }
     }
-    match overlaps::coincident(scene, &start.x) {
-        None => Ok(()),
-        Some([i, j]) => Err(Error::Input(format!(
-            "{}: {} have the same centre, {} m, and a contact between them has no direction: all centres \
-             must differ",
-            origin(scene),
-            named(scene, &[i, j]),
-            triple(&start.x[i])
-        ))),
-    }
+    Ok(())
 }
 
 /// One or more particles by their ids, and by the rows of the file if they come from one.
@@ -102,11 +108,8 @@ fn named(scene: &Scene, ids: &[usize]) -> String {
 }
 
 /// The source of the initial condition, for messages.
-fn origin(scene: &Scene) -> String {
-    match &scene.particles.file {
-        Some(file) => shown(file),
-        None => "particles.grid".to_owned(),
-    }
+pub(super) fn origin(scene: &Scene) -> String {
+    scene.particles.read_from().map_or_else(|| scene.particles.source().to_owned(), shown)
 }
 
 #[cfg(test)]

@@ -1,12 +1,19 @@
-//! The initial condition: from a CSV file or the paper's randomly perturbed grid; the sizes that species draw;
-//! and whether it is valid.
+//! The initial condition: from a file, or as keys of the scene describe it; the sizes that species draw; and
+//! whether it is valid.
 
 mod check;
 mod draw;
 mod file;
 mod header;
+mod lattice;
+mod near;
 pub mod overlaps;
+pub mod push_apart;
+pub mod random;
+pub mod room;
 mod sizes;
+#[cfg(test)]
+mod starts_tests;
 
 use std::ops::Range;
 
@@ -15,10 +22,12 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::error::Error;
 use crate::model::columns::{Changes, Column, Columns};
-use crate::scene::{Grid, Scene, cells_along};
+use crate::scene::{Grid, Particles, Scene, cells_along};
 pub use check::check;
+use check::{check_all_but_twins, origin};
 pub use file::read_csv;
 pub(crate) use file::{read_bytes, read_table, text_of};
+use push_apart::Pushed;
 pub use sizes::{OwnSizes, column, mass_of};
 
 /// Initial state of all particles. Row `k` is the particle with id `k`. All three lists have the same length.
@@ -49,6 +58,8 @@ pub struct InitialCondition {
     pub columns: Vec<(Column, Vec<f64>)>,
     /// Columns of the particle file that nobody reads: their names, as text for a warning.
     pub unread: Vec<String>,
+    /// What `particles.push_apart` moved; `None` where the scene does not ask for it.
+    pub pushed: Option<Pushed>,
 }
 
 impl InitialCondition {
@@ -103,6 +114,53 @@ impl InitialCondition {
         let (_, numbers) = found.expect("the particles have this column");
         numbers[ids.start as usize * column.width..ids.end as usize * column.width].to_vec()
     }
+}
+
+/// The start that keys of the scene describe, before it is checked. A pure function: it gives the same on
+/// every rank.
+///
+/// The scene must have a seed ([`Scene::set_seed_if_missing`]). An error says what leaves no room.
+///
+/// # Examples
+///
+/// ```rust
+/// use demhybrid::scene::{Scene, initial_condition};
+///
+/// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
+/// let start = initial_condition::ready(&scene, initial_condition::made(&scene)?)?;
+/// assert_eq!(start.x.len(), 27);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn made(scene: &Scene) -> Result<InitialCondition, Error> {
+    let Particles { grid: of_grid, random, lattice, .. } = &scene.particles;
+    if let Some(of_grid) = of_grid {
+        return Ok(grid(scene, of_grid));
+    }
+    if let Some(random) = random {
+        return random::random(scene, random);
+    }
+    if let Some(lattice) = lattice {
+        return lattice::lattice(scene, lattice);
+    }
+    Err(Error::Input(format!("{}: keys do not describe this start, a file holds it", origin(scene))))
+}
+
+/// The start of a scene with another seed, ready for a run. A pure function, as [`made`] is.
+pub fn seeded(scene: &Scene, seed: u64) -> Result<InitialCondition, Error> {
+    let mut scene = scene.clone();
+    if let Some(own) = scene.particles.seed_mut() {
+        *own = Some(seed);
+    }
+    ready(&scene, made(&scene)?)
+}
+
+/// Makes a start ready for a run: pushes spheres apart where the scene says so, and checks it. A pure
+/// function, as [`made`] is.
+pub fn ready(scene: &Scene, start: InitialCondition) -> Result<InitialCondition, Error> {
+    let start = push_apart::pushed(scene, start)?;
+    check(scene, &start)?;
+    Ok(start)
 }
 
 /// The randomly perturbed grid of Fig. 4.2a, at rest. A pure function: it gives the same on every rank.

@@ -116,7 +116,7 @@ impl InitialCondition {
 
     /// Checks columns of sizes: both or none, positive, and within what the lists of neighbours manage.
     pub(crate) fn check_sizes(&self, scene: &Scene) -> Result<(), Error> {
-        let source = scene.particles.file.as_ref().map_or("the particles".to_owned(), |file| shown(file));
+        let source = scene.particles.read_from().map_or("the particles".to_owned(), shown);
         let wrong = |why: String| Err(Error::Input(format!("{source}: {why}")));
         let Particles { radius, mass, .. } = scene.particles;
         if !(mass.is_normal() && mass > 0.0 && radius > 0.0) {

@@ -86,14 +86,16 @@ fn needed(source: &Source) -> Result<(), Error> {
 
 /// Refuses particles that have sizes of their own.
 fn one_source(source: &Source) -> Result<(), Error> {
-    match source.key("particles.file") {
-        None => Ok(()),
-        Some(file) => Err(source.error(
-            Some(file),
-            "particles.file and [[species]] contradict each other: exactly one says how large the spheres \
-             are, the columns of the file or the species, whose spheres start e.g. from [particles.grid]",
-        )),
+    for key in ["particles.file", "particles.run"] {
+        if let Some(file) = source.key(key) {
+            let message = format!(
+                "{key} and [[species]] contradict each other: exactly one says how large the spheres are, the \
+                 columns of the file or the species, whose spheres start e.g. from [particles.grid]"
+            );
+            return Err(source.error(Some(file), &message));
+        }
     }
+    Ok(())
 }
 
 fn names(source: &Source, scene: &Scene) -> Result<(), Error> {

@@ -2,6 +2,7 @@
 
 use super::{Distribution, Species, SpeciesBy};
 use crate::scene::Scene;
+use crate::scene::initial_condition::mass_of;
 
 /// All species of a scene.
 ///
@@ -86,6 +87,12 @@ impl Mixture {
         let missing = count.saturating_sub(counts.iter().sum());
         order.iter().cycle().take(missing.min(LARGEST_CORRECTION) as usize).for_each(|&k| counts[k] += 1);
         counts
+    }
+
+    /// The volume of `count` spheres together, m^3.
+    pub fn volume(&self, count: u64) -> f64 {
+        let volumes = self.parts.iter().zip(self.counts(count));
+        volumes.map(|(part, n)| n as f64 * mass_of(1.0, 1.0) * part.distribution.mean_cube()).sum()
     }
 
     /// The least and the largest of `count` radii, m. Every species must have a sphere.

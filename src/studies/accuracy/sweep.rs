@@ -39,7 +39,14 @@ impl FromStr for Sweep {
         if key.is_empty() || values.iter().any(String::is_empty) {
             return Err(form.into());
         }
-        let no_model = ["solver", "output", "t_end", "particles.grid.seed"];
+        let no_model = [
+            "solver",
+            "output",
+            "t_end",
+            "particles.grid.seed",
+            "particles.random.seed",
+            "particles.lattice.seed",
+        ];
         if no_model.iter().any(|path| key == *path || key.starts_with(&format!("{path}."))) {
             return Err(format!(
                 "{key} is no part of the model: there are --methods, --tolerances, --seeds and --until for it"

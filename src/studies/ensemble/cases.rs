@@ -4,9 +4,9 @@ use super::measures::{Plan, simulated};
 use super::{Case, Request, Vary, runs};
 use crate::beds::folder::stem;
 use crate::domain::Comm;
-use crate::engine::load::load as load_scene;
 use crate::error::Error;
-use crate::scene::{Grid, Scene, initial_condition};
+use crate::files::load::load as load_scene;
+use crate::scene::{Scene, initial_condition};
 use crate::studies::job_pool::JobPool;
 use std::path::Path;
 
@@ -15,16 +15,8 @@ use std::path::Path;
 pub struct Variant {
     /// Name that tells it from the other cases.
     pub name: String,
-    /// The scene. Its own seed is not used.
+    /// The scene. Its own seed is not used: each run takes the start with a seed of its own.
     pub scene: Scene,
-    /// The grid of the scene. Each run takes it with its own seed.
-    grid: Grid,
-}
-
-impl Variant {
-    fn seeded(&self, seed: u64) -> Grid {
-        Grid { seed: Some(seed), ..self.grid.clone() }
-    }
 }
 
 /// Loads the cases and checks each of them with every seed. Collective.
@@ -103,22 +95,19 @@ fn variant(
 ) -> Result<Variant, Error> {
     let sets: Vec<String> = combination.iter().map(|(vary, value)| format!("{}={value}", vary.key)).collect();
     let all: Vec<String> = request.set.iter().chain(&sets).cloned().collect();
-    let (scene, _) = load_scene(path, &all, comm).map_err(|why| explained(request, &sets, why))?;
-    let Some(grid) = scene.particles.grid.clone() else {
+    let (mut scene, _) = load_scene(path, &all, comm).map_err(|why| explained(request, &sets, why))?;
+    if scene.particles.seed_mut().is_none() {
         return Err(Error::Input(format!(
             "{}: its particles come from a file, so that all seeds would give the same run; an ensemble \
-             needs [particles.grid]",
+             needs [particles.grid], [particles.random] or [particles.lattice]",
             path.display()
         )));
-    };
+    }
     let words = combination.iter().map(|(vary, value)| (vary.key.as_str(), value.to_string()));
-    let variant = Variant { name: name(&stem(path), words), scene, grid };
+    let variant = Variant { name: name(&stem(path), words), scene };
     for &seed in &request.seeds.0 {
-        initial_condition::check(
-            &variant.scene,
-            &initial_condition::grid(&variant.scene, &variant.seeded(seed)),
-        )
-        .map_err(|why| Error::Input(format!("{}, seed {seed}: {why}", variant.name)))?;
+        initial_condition::seeded(&variant.scene, seed)
+            .map_err(|why| Error::Input(format!("{}, seed {seed}: {why}", variant.name)))?;
     }
     Ok(variant)
 }
@@ -156,7 +145,8 @@ pub fn run(pool: &JobPool, variants: &[Variant], seeds: &[u64], plan: &Plan) -> 
         variants.iter().flat_map(|variant| seeds.iter().map(move |&seed| (variant, seed))).collect();
     let mut samples = pool
         .run("ensemble", &jobs, |(variant, seed)| {
-            simulated(&variant.scene, &initial_condition::grid(&variant.scene, &variant.seeded(*seed)), plan)
+            let start = initial_condition::seeded(&variant.scene, *seed);
+            simulated(&variant.scene, &start.expect("it was checked with every seed"), plan)
         })
         .into_iter();
     let mut case = |variant: &Variant| Case {

@@ -59,7 +59,7 @@ pub fn find(files: &[PathBuf], comm: &dyn Comm) -> Result<Vec<Family>, Error> {
 fn look(file: &Path) -> Result<Found, Error> {
     let run_file = RunFile::open(file)?;
     let mut scene = run_file.scene.clone();
-    let Some(seed) = scene.particles.grid.as_mut().and_then(|grid| grid.seed.replace(0)) else {
+    let Some(seed) = scene.particles.seed_mut().and_then(|seed| seed.replace(0)) else {
         return Err(run_file.unreadable("its particles came from a file; an ensemble needs runs with a seed"));
     };
     (scene.output.file, scene.output.energy) = (Some("run.vtkhdf".into()), false);

@@ -89,8 +89,8 @@ impl FromStr for Vary {
         if key.is_empty() || values.iter().any(String::is_empty) || scene.as_deref() == Some("") {
             return Err(form.into());
         }
-        if key == "particles.grid.seed" {
-            return Err("particles.grid.seed is what --seeds is for".into());
+        if ["grid", "random", "lattice"].iter().any(|start| key == format!("particles.{start}.seed")) {
+            return Err(format!("{key} is what --seeds is for"));
         }
         if key == "output" || key.starts_with("output.") {
             return Err(format!("{key} is no part of the model: the files of an ensemble go to --output"));
@@ -139,6 +139,7 @@ mod tests {
             (":contact.restitution=1", "KEY=V1"),
             ("contact.restitution=1,,2", "KEY=V1"),
             ("particles.grid.seed=1,2", "--seeds"),
+            ("particles.random.seed=1,2", "--seeds"),
             ("output.file=a,b", "--output"),
         ] {
             let why = text.parse::<Vary>().unwrap_err();
