@@ -54,7 +54,10 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
         None => {
             let mut read = Ok(InitialCondition::default());
             share(comm, || {
-                read = early.take().map_or_else(|| initial_condition::read_csv(&scene, &folder), Ok);
+                read = match early.take() {
+                    None => initial_condition::read_csv(&scene, &folder),
+                    Some(mut early) => early.settle_materials(&scene).map(|()| early),
+                };
                 read.as_ref().map(|_| String::new()).map_err(Clone::clone)
             })?;
             let mut start = share_start(comm, read?);

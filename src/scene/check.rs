@@ -4,6 +4,7 @@ use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
 
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
+use super::materials;
 use super::source::{Source, Span, brief};
 use super::stop::Stop;
 use super::walls::{walls, walls_without_room};
@@ -244,6 +245,7 @@ pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
             return Err(source.error(source.value(&path), &message));
         }
     }
+    materials::check(source, scene)?;
     room_between_walls(source, &scene.container)?;
     if let Some(grid) = &scene.particles.grid {
         room_for_grid(source, &scene.container, grid)?;
@@ -420,7 +422,7 @@ fn friction(source: &Source, scene: &Scene) -> Result<(), Error> {
         } else {
             ("friction.coefficient", "a friction.coefficient above 0")
         };
-        let met = !law_is_wrong && friction.rotation && friction.coefficient > 0.0;
+        let met = !law_is_wrong && friction.rotation && scene.rubs();
         if resistance.is_some() && !met {
             let message = format!(
                 "[friction.{name}] needs {needed}: without it no contact would resist {name}; or leave the table \

@@ -81,6 +81,8 @@ pub(super) const KEYS: &[Key] = &[
               interaction_distance"),
     optional("friction", Table,
              "the table of the friction law", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
+    optional("material", Tables, "the list of materials, each opened by [[material]]",
+             "[{ name = \"glass\", friction = 0.3 }]"),
     optional("solver", Table, "the table of the time stepping", "{ tolerance = 0.1 }"),
     optional("output", Table, "the table of the output file", "{ interval = 0.02 }"),
     optional("checkpoint", Table, "the table of the checkpoints", "{ interval = 0.5 }"),
@@ -94,7 +96,8 @@ pub(super) const KEYS: &[Key] = &[
              "the mass of one sphere, 4/3 pi r^3 times its density, in kg", "1.0"),
     optional("particles.density", Number(Positive), "the density of the spheres in kg/m^3", "2500.0"),
     optional("particles.file", Text,
-             "the path of a CSV file with the columns x,y,z and perhaps radius, mass, density, species",
+             "the path of a CSV file with the columns x,y,z and perhaps radius, mass, density, species, \
+              material",
              "\"start.csv\""),
     optional("particles.grid", Table,
              "the table of the randomly perturbed grid", "{ count = 200, spacing = 0.25 }"),
@@ -111,11 +114,14 @@ pub(super) const KEYS: &[Key] = &[
              "the lower corner of the box in m (-inf: open)", "[0.0, 0.0, 0.0]"),
     optional("container.box.max", Vector { open: true },
              "the upper corner of the box in m (inf: open)", "[1.0, 1.0, inf]"),
+    optional("container.box.material", Text, "the name of the material of all sides of the box",
+             "\"steel\""),
     optional("container.wall", Tables, "the list of plane walls, each opened by [[container.wall]]",
              "[{ point = [0.0, 0.0, 0.0], normal = [0.0, 0.0, -1.0] }]"),
     optional("container.wall.point", Vector { open: false }, "a point of the wall in m", "[0.0, 0.0, 0.0]"),
     optional("container.wall.normal", Vector { open: false },
              "the outward normal of the wall, of any length", "[0.0, 0.0, -1.0]"),
+    optional("container.wall.material", Text, "the name of the material of the wall", "\"steel\""),
 
     required("contact.repulsion_at_contact", Number(Positive),
              "the repulsion F_0 of spheres that just touch in N", "10.0"),
@@ -142,6 +148,24 @@ pub(super) const KEYS: &[Key] = &[
     required("friction.twisting.coefficient", Number(NotNegative),
              "the coefficient of twisting resistance: the largest moment over normal force and reduced radius",
              "0.01"),
+
+    required("material.name", Text, "the name of the material", "\"glass\""),
+    optional("material.restitution", Number(Share), "the coefficient of restitution of the material", "0.9"),
+    optional("material.friction", Number(NotNegative), "the friction coefficient of the material", "0.3"),
+    optional("material.rolling", Number(NotNegative),
+             "the coefficient of rolling resistance of the material", "0.01"),
+    optional("material.twisting", Number(NotNegative),
+             "the coefficient of twisting resistance of the material", "0.0"),
+    optional("material.pair", Tables,
+             "the list of what holds with other materials, each opened by [[material.pair]]",
+             "[{ with = \"steel\", friction = 0.3 }]"),
+    required("material.pair.with", Text, "the name of the other material of the pair", "\"steel\""),
+    optional("material.pair.restitution", Number(Share), "the coefficient of restitution of the pair", "0.8"),
+    optional("material.pair.friction", Number(NotNegative), "the friction coefficient of the pair", "0.3"),
+    optional("material.pair.rolling", Number(NotNegative),
+             "the coefficient of rolling resistance of the pair", "0.01"),
+    optional("material.pair.twisting", Number(NotNegative),
+             "the coefficient of twisting resistance of the pair", "0.0"),
 
     optional("solver.method", Word(MethodName::NAMES), "the time stepping method", "\"auto\""),
     optional("solver.tolerance", Number(Positive), "the error tolerance of a step", "1e-3"),
@@ -283,7 +307,14 @@ mod tests {
                 }
             }
         }
-        text + "[[container.wall]]\npoint = [0, 0, 0]\nnormal = [0, 0, -1]\n"
+        text += "[[container.wall]]\npoint = [0, 0, 0]\nnormal = [0, 0, -1]\nmaterial = \"steel\"\n";
+        for table in ["material", "material.pair"] {
+            text += &format!("[[{table}]]\n");
+            for key in of_table(table).filter(|key| !matches!(key.kind, Tables)) {
+                text += &format!("{} = {}\n", key.name(), key.example);
+            }
+        }
+        text + "[[material]]\nname = \"steel\"\n"
     }
 
     #[test]

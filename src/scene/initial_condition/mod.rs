@@ -3,6 +3,7 @@
 mod check;
 mod file;
 mod header;
+mod materials;
 pub mod overlaps;
 mod sizes;
 
