@@ -57,6 +57,7 @@ mod tests {
         assert!(spelt_out.checkpoint.take().is_some() && spelt_out.limits.take().is_some());
         assert!(spelt_out.stop.take().is_some());
         spelt_out.container.wall.clear();
+        spelt_out.material.clear();
         // These values are computed if they are left out.
         (spelt_out.solver.velocity_scale, spelt_out.solver.neglected_force) = (None, None);
         let friction = spelt_out.friction.as_mut().unwrap();

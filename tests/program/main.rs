@@ -16,6 +16,8 @@ mod ensemble;
 mod examples;
 mod exports;
 #[cfg(feature = "mpi")]
+mod materials;
+#[cfg(feature = "mpi")]
 mod mpi;
 mod mpirun;
 mod python;

@@ -83,7 +83,7 @@ fn bad_scenes_are_refused_with_the_message_they_carry() {
 
 /// Bad scenes whose mistake has no line: something is missing at the top, or a file as a whole is wrong.
 /// Particles that do not fit the walls are named by id, and by the row of their file.
-const WITHOUT_LINE: [&str; 18] = [
+const WITHOUT_LINE: [&str; 19] = [
     "contact-missing",
     "csv-beyond-a-wall",
     "csv-beyond-arithmetic",
@@ -93,6 +93,7 @@ const WITHOUT_LINE: [&str; 18] = [
     "csv-file-is-a-device",
     "csv-file-is-a-folder",
     "csv-file-missing",
+    "csv-material-unknown",
     "csv-no-rows",
     "csv-on-the-floor",
     "csv-one-centre-twice",

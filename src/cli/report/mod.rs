@@ -19,6 +19,7 @@ use std::path::Path;
 use std::time::Instant;
 
 mod forewarnings;
+mod materials;
 mod monitor;
 mod particles;
 mod size_of_run;
@@ -181,6 +182,9 @@ pub fn plan(
     line("particles", format!("{}, {walls} walls", particles::particles(scene, start)));
     if let Some(species) = particles::species(start) {
         line("species", species);
+    }
+    for (k, material) in materials::materials(scene, start).into_iter().enumerate() {
+        line(if k == 0 { "materials" } else { "" }, material);
     }
     line("time", format!("to t = {} s, {} frames", short(scene.t_end), frames(scene)));
     line("solver", solver(scene, start));
