@@ -46,7 +46,7 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
     // A TOML integer holds 63 bits. With a longer seed the scene in the run file could not be read again.
     let seed = share(comm, || Ok((rand::random::<u64>() >> 1).to_string()))?;
     scene.set_seed_if_missing(seed.parse().expect("it was printed as a number"));
-    let start = match &scene.particles.grid {
+    let mut start = match &scene.particles.grid {
         Some(grid) => {
             agree(comm, check_memory(comm, &scene, grid.count))?;
             initial_condition::grid(&scene, grid)
@@ -66,6 +66,8 @@ pub fn load(path: &Path, sets: &[String], comm: &dyn Comm) -> Result<(Scene, Ini
             start
         }
     };
+    // A particle file has them already.
+    start.settle_materials(&scene)?;
     initial_condition::check(&scene, &start)?;
     Ok((scene, start))
 }

@@ -240,7 +240,9 @@ impl<'a> NormalLaws<'a> {
     }
 
     fn material(&self, i: usize) -> u32 {
-        self.materials.get(i).copied().unwrap_or(self.classes.without_material())
+        let none = self.classes.without_material();
+        // A column of that name may be a tag of somebody else's.
+        self.materials.get(i).map_or(none, |&material| material.min(none))
     }
 
     /// The parameters that all contacts share: all but the coefficients.

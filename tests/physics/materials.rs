@@ -40,13 +40,12 @@ fn gap_under(weight: f64, e: f64) -> f64 {
     -(weight / (0.5 * (1.0 + e * e) * F_0)).ln() / KAPPA
 }
 
-/// Slope of the valley, as the number of the material of each side and of each sphere, with its motion.
-type Slid = [[f64; 2]; 2];
+/// By slope and by sphere: acceleration down the slope (m/s^2), and speed at the end (m/s).
+type Slid = [[[f64; 2]; 2]; 2];
 
 /// Two slopes with the tangent `slope` that face each other, the left one of "ice" and the right one of
 /// "felt". A sphere of each material stands on each slope and cannot turn. `pair` is what holds between ice
-/// and felt, in place of the mixing rule. Returns the acceleration of each down its slope (m/s^2), by slope
-/// and by sphere.
+/// and felt, in place of the mixing rule.
 fn on_two_slopes(slope: f64, pair: &str) -> Slid {
     let cos = 1.0 / (1.0 + slope * slope).sqrt();
     let sin = slope * cos;
@@ -57,8 +56,8 @@ fn on_two_slopes(slope: f64, pair: &str) -> Slid {
     );
     let mut case = Case::defaults()
         .heavy()
-        .set("t_end", 0.8)
-        .set("output.interval", 0.1)
+        .set("t_end", 1.6)
+        .set("output.interval", 0.2)
         .set("friction.law", "history")
         .set("friction.coefficient", 0.3)
         .set("friction.rotation", false)
@@ -71,13 +70,13 @@ fn on_two_slopes(slope: f64, pair: &str) -> Slid {
         for material in 0..2 {
             let (up, inward) = (Vec3::new(sign * cos, 0.0, sin), Vec3::new(-sign * sin, 0.0, cos));
             let lift = R + gap_under(G * cos, e[side][material]);
-            case = case.sphere(3.0 * up + lift * inward + Vec3::y() * material as f64, Vec3::zeros());
+            case = case.sphere(8.0 * up + lift * inward + Vec3::y() * material as f64, Vec3::zeros());
             materials.push(material);
         }
     }
     let found = run(&case, &materials);
     let speed = |k: usize, i: usize| found.frames[k].v[i].norm();
-    [[0, 1], [2, 3]].map(|pair| pair.map(|i| (speed(8, i) - speed(4, i)) / 0.4))
+    [[0, 1], [2, 3]].map(|pair| pair.map(|i| [(speed(8, i) - speed(4, i)) / 0.8, speed(8, i)]))
 }
 
 /// A sphere slides with g (sin - mu cos), or stands.
@@ -85,10 +84,14 @@ fn assert_slid(found: Slid, slope: f64, mu: [[f64; 2]; 2]) {
     let cos = 1.0 / (1.0 + slope * slope).sqrt();
     for side in 0..2 {
         for material in 0..2 {
-            let exact = G * (slope * cos - mu[side][material] * cos).max(0.0);
-            let what = format!("acceleration on slope {side}, material {material}, tan = {slope}, m/s^2");
-            // The tolerance of the steps is 1e-4 of 1 m/s.
-            assert_near(&what, found[side][material], exact, 2e-3);
+            let exact = G * (slope * cos - mu[side][material] * cos);
+            let what = format!("of material {material} on slope {side}, tan = {slope}");
+            let [acceleration, speed] = found[side][material];
+            // What stands has swung in its elastic shear, and fades.
+            match exact > 0.0 {
+                true => assert_near(&format!("acceleration {what}, m/s^2"), acceleration, exact, 1e-3),
+                false => assert_near(&format!("speed {what}, m/s"), speed, 0.0, 3e-3),
+            }
         }
     }
 }
@@ -157,8 +160,9 @@ fn what_has_no_friction_is_not_rubbed_at_all_where_others_are() {
     for law in ["history", "regularized"] {
         for resists in [false, true] {
             let rolling = if law == "history" && resists { ", rolling = 0.1, twisting = 0.1" } else { "" };
-            let materials =
-                format!("material=[{{ name = 'a', friction = 0 }}, {{ name = 'b', friction = 0.5{rolling} }}]");
+            let materials = format!(
+                "material=[{{ name = 'a', friction = 0 }}, {{ name = 'b', friction = 0.5{rolling} }}]"
+            );
             let case = fixed()
                 .set("friction.law", law)
                 .set("friction.coefficient", 0.3)
@@ -176,8 +180,10 @@ fn what_has_no_friction_is_not_rubbed_at_all_where_others_are() {
             assert!((rubbed.omega[1] - omega).norm() > 0.5, "{law}: {:?}", rubbed.omega[1]);
             let bare = fixed().floor().sphere(x(0.0), v);
             let bare = run(&bare, &[]);
-            let height = |run: &Run| run.frames.iter().map(|frame| frame.x[0].z.to_bits()).collect::<Vec<_>>();
-            assert_eq!(height(&found), height(&bare), "{law}");
+            // The law that remembers computes the repulsion from its root: its last digits are others.
+            let apart = found.frames.iter().zip(&bare.frames).map(|(a, b)| (a.x[0].z - b.x[0].z).abs());
+            let apart = apart.fold(0.0, f64::max);
+            assert!(apart <= if law == "history" { 1e-10 } else { 0.0 }, "{law}: {apart:e}");
         }
     }
 }

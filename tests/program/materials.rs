@@ -130,7 +130,8 @@ fn the_file_and_what_is_made_of_it_know_the_materials() {
     let ends = ["steel,steel", "sand,glass", "sand,\"clay, wet\"", "steel,(none)", "sand,(none)"];
     assert!(rows.zip(ends.iter().cycle()).all(|(row, end)| row.ends_with(end)), "{csv}");
     // It starts the next run, with the same materials.
-    let again = ["scene.toml", "-q", "--set", "particles.file=end.csv", "--set", "t_end=0.02", "-o", "b.vtkhdf"];
+    let again =
+        ["scene.toml", "-q", "--set", "particles.file=end.csv", "--set", "t_end=0.02", "-o", "b.vtkhdf"];
     Job::alone(folder.path(), &again).run().with_code(0);
     let again = Results::open(&folder.path().join("b.vtkhdf"));
     assert_eq!(again.reals("VTKHDF/PointData/material"), expected);

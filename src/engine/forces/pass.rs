@@ -185,6 +185,9 @@ impl Field<'_> {
             let before =
                 |end: usize| all.start + of_class.partition_point(|contact| (contact[0] as usize) < end);
             let within = before(slots.start)..before(slots.end);
+            if within.is_empty() {
+                continue;
+            }
             let rows = if rows.is_empty() { &[][..] } else { &rows[within.clone()] };
             let memories = Memories { rows, states: memories, rates: &mut *rates };
             let sweep = Sweep { bodies, sizes, batch: &mut *batch, slopes: &mut *slopes, memories };

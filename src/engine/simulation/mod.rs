@@ -124,6 +124,7 @@ impl<'c> Simulation<'c> {
         let ids = rows::block(start.x.len() as u64, comm.rank(), comm.size());
         start.check_columns()?;
         start.check_sizes(scene)?;
+        start.check_materials(scene)?;
         let rotation = laws(InstructionSet::Baseline).first().width() == SPIN.end;
         let (columns, mut y, constants) = start.rows(ids.clone(), rotation);
         let (sizes, r) = (columns.sizes(&constants), scene.particles.radius);

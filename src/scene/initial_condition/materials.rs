@@ -8,6 +8,26 @@ use crate::model::columns::{Column, MATERIAL, SPECIES};
 use crate::scene::materials::{NO_MATERIAL, known};
 use crate::scene::{Scene, brief, shown};
 
+/// What a name says about the material.
+#[derive(Clone, Copy)]
+enum Named {
+    /// The number of the material, or of none.
+    Material(usize),
+    Blank,
+    Unknown,
+}
+
+fn unknown(scene: &Scene, i: usize, name: &str) -> Error {
+    let file = scene.particles.file.as_ref().map_or("the particles".to_owned(), |file| shown(file));
+    Error::Input(format!(
+        "{file}: particle {i} (row {} below the first line) has material = \"{}\", which is no material of the \
+         scene: {}",
+        i + 1,
+        brief(name),
+        known(scene)
+    ))
+}
+
 impl InitialCondition {
     /// Gives every particle the material that its file names, or else the one named like its species, as
     /// numbers of the materials of `scene`. Where no particle has one, there is no column.
@@ -27,27 +47,32 @@ impl InitialCondition {
             return Ok(());
         }
         let none = scene.material.len();
-        let name_of = |(names, numbers): (&Vec<String>, &Vec<f64>), i: usize| {
-            names.get(numbers[i] as usize).cloned().unwrap_or_default()
+        // By the numbers of names: nobody compares the names of a million particles.
+        let looked_up = |names: &Vec<String>| -> Vec<Named> {
+            let number = |name: &String| match scene.material_number(name) {
+                Some(number) => Named::Material(number),
+                None if name.is_empty() => Named::Blank,
+                None if name == NO_MATERIAL => Named::Material(none),
+                None => Named::Unknown,
+            };
+            names.iter().map(number).collect()
         };
+        let by_column = own.map(|(names, numbers)| (looked_up(names), names, numbers));
+        let by_species = species.map(|(names, numbers)| (looked_up(names), numbers));
         let mut found = Vec::with_capacity(self.x.len());
         for i in 0..self.x.len() {
-            let name = own.map(|own| name_of(own, i)).filter(|name| !name.is_empty());
-            let number = match name {
-                Some(name) if name == NO_MATERIAL => none,
-                Some(name) => scene.material_number(&name).ok_or_else(|| {
-                    let file = scene.particles.file.as_ref().map_or("the particles".to_owned(), |f| shown(f));
-                    Error::Input(format!(
-                        "{file}: particle {i} (row {} below the first line) has material = \"{}\", which is no \
-                         material of the scene: {}",
-                        i + 1,
-                        brief(&name),
-                        known(scene)
-                    ))
-                })?,
-                None => {
-                    let name = species.map(|species| name_of(species, i));
-                    name.and_then(|name| scene.material_number(&name)).unwrap_or(none)
+            let number = match by_column.as_ref().map(|(table, _, numbers)| table[numbers[i] as usize]) {
+                Some(Named::Material(number)) => number,
+                Some(Named::Unknown) => {
+                    let name =
+                        by_column.as_ref().map_or("", |(_, names, numbers)| &names[numbers[i] as usize]);
+                    return Err(unknown(scene, i, name));
+                }
+                Some(Named::Blank) | None => {
+                    match by_species.as_ref().map(|(table, numbers)| table[numbers[i] as usize]) {
+                        Some(Named::Material(number)) => number,
+                        _ => none,
+                    }
                 }
             };
             found.push(number as f64);
@@ -58,6 +83,22 @@ impl InitialCondition {
             self.columns.push((Column { names, ..column(MATERIAL, "1") }, found));
         }
         Ok(())
+    }
+
+    /// Checks that the column of materials has numbers of materials of `scene`, or of none.
+    pub(crate) fn check_materials(&self, scene: &Scene) -> Result<(), Error> {
+        let most = scene.material.len();
+        let is_number = |number: f64| number.fract() == 0.0 && (0.0..=most as f64).contains(&number);
+        let found = self.columns.iter().find(|(column, _)| column.name == MATERIAL && most > 0);
+        let wrong = found
+            .and_then(|(_, numbers)| numbers.iter().enumerate().find(|(_, number)| !is_number(**number)));
+        match wrong {
+            None => Ok(()),
+            Some((i, number)) => Err(Error::Input(format!(
+                "particle {i} has the material {number}: it must be the number of a [[material]], from 0 on, \
+                 or {most} for none"
+            ))),
+        }
     }
 
     /// Numbers of the materials of all particles; empty where nobody has one.
@@ -122,6 +163,19 @@ mod tests {
             message.contains("\"glas\"") && message.contains("one of: \"glass\", \"steel\""),
             "{message}"
         );
+    }
+
+    #[test]
+    fn numbers_that_are_no_materials_are_refused() {
+        let of = |numbers: &[f64]| {
+            let why = start(&[(MATERIAL, &[][..], numbers)]).check_materials(&scene(TWO)).err();
+            why.map(|why| why.to_string())
+        };
+        assert_eq!(of(&[0.0, 1.0, 2.0]), None);
+        for wrong in [3.0, -1.0, 0.5, f64::NAN] {
+            let message = of(&[0.0, wrong, 0.0]).unwrap();
+            assert!(message.contains("particle 1") && message.contains("or 2 for none"), "{message}");
+        }
     }
 
     #[test]

@@ -33,6 +33,8 @@ const VALUES: &[&str] = &[
     "[{ normal = [5e-324, 0, 0], point = [1e308, 0, 0] }]", "1979-05-27", "07:32:00", "\"auto\"",
     "\"merson\"", "\"dormand-prince\"", "\"chebyshev\"", "\"velocity-verlet\"", "\"scaled\"", "\"paper\"",
     "\"mean\"", "\"history\"", "\"regularized\"", "text", "=", "a=b",
+    "[{ name = 'a' }]", "[{ name = 'a', friction = 0, pair = [{ with = 'b', restitution = 1 }] }, { name = 'b' }]",
+    "\"a\"", "[{ name = 'a', rolling = 1, twisting = 1e308 }, { name = 'a' }]",
 ];
 
 /// Every key, and some that are none.
@@ -49,7 +51,8 @@ const KEYS: &[&str] = &[
     "output", "output.file", "output.interval", "output.energy", "output.sync", "checkpoint", "checkpoint.interval",
     "checkpoint.wall", "limits", "limits.wall", "stop", "stop.unbalanced_force", "stop.kinetic_energy",
     "stop.height_change", "stop.window", "stop.speed", "stop.units", "x", "particles.x", "t_end.x", "contact.resitution",
-    "container.wall.normal", "a.b.c.d.e", "", "..", "\"quoted\"",
+    "container.wall.normal", "container.wall.material", "container.box.material", "material", "material.name",
+    "material.pair", "material.pair.with", "material.friction", "a.b.c.d.e", "", "..", "\"quoted\"",
 ];
 
 const CSV_FIELDS: &[&str] = &[
