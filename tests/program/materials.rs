@@ -10,11 +10,11 @@ use std::sync::LazyLock;
 use tempfile::TempDir;
 
 const SCENE: &str = "
-t_end = 0.5
+t_end = 0.2
 gravity = [0.0, 0.0, -9.81]
 particles = { radius = 0.05, mass = 0.5, file = 'start.csv' }
 friction = { law = 'history', coefficient = 0.3 }
-output = { interval = 0.01, sync = 'frame', energy = true }
+output = { interval = 0.005, sync = 'frame', energy = true }
 checkpoint.interval = 0.02
 contact = { repulsion_at_contact = 10.0, stiffness_exponent = 200.0, restitution = 0.4,
             dissipation_focusing = 10.0, interaction_distance = 0.06 }
@@ -49,7 +49,7 @@ restitution = 0.0
 friction = 0.8
 rolling = 0.2
 ";
-const FRAMES: usize = 51;
+const FRAMES: usize = 41;
 
 /// A folder with the scene and 100 spheres above the floor: glass, wet clay, those of the species steel, and
 /// some without a material.
@@ -97,7 +97,7 @@ fn ranks_and_threads_do_not_matter_to_a_bed_of_several_materials() {
 fn a_run_of_several_materials_goes_on_where_it_was_stopped_on_other_ranks() {
     let folder = folder();
     let mut job = Job::on(2, folder.path(), &["scene.toml", "--threads", "1"]).start();
-    job.wait_for_frames(20);
+    job.wait_for_frames(10);
     signal_job(&job, Signal::USR1);
     job.must_end_within(120);
     job.end().with_code(5);
