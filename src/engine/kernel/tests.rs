@@ -354,10 +354,10 @@ fn check_memory(resistance: [Option<f64>; 2], numbers: usize, sizes: &[Size]) {
 #[test]
 fn contacts_that_remember_are_summed_alike_by_any_blocks_and_sets() {
     for sizes in all_sizes() {
-        let (some, none) = (Some, None);
-        let kinds =
-            [([none; 2], 3), ([some(0.05), none], 6), ([none, some(0.02)], 4), ([some(0.05), some(0.02)], 7)];
-        for (resistance, numbers) in kinds {
+        let (rolling, twisting) = (Some(0.05), Some(0.02));
+        for (resistance, numbers) in
+            [([None; 2], 3), ([rolling, None], 6), ([None, twisting], 4), ([rolling, twisting], 7)]
+        {
             check_memory(resistance, numbers, &sizes);
         }
     }
