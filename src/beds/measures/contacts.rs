@@ -84,6 +84,7 @@ pub struct WallForce {
 ///     v: vec![[0.0; 3]; 2],
 ///     omega: None,
 ///     sizes: Default::default(), // all have that of the scene
+///     materials: Default::default(), // none has one
 /// };
 /// let found = Contacts::of(&scene, &state, SHARE); // one sphere above another one on the floor
 /// assert_eq!((found.pushing[0].i, found.pushing[0].partner), (0, Partner::Sphere(1)));
