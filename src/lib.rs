@@ -32,6 +32,7 @@
 //! | (2.4) | rebound function | [`model::contact::Rebound::share`] |
 //! | (2.6), (2.9) | friction, pairs and walls | [`model::contact::Tangential::friction`] |
 //! | none | friction that remembers | [`model::history::History::action`] |
+//! | none | coefficients of two materials | [`model::materials::Coefficients::mixed`] |
 //! | (2.7), (2.10) | slip | [`model::contact::Law::action`] |
 //! | (2.8) | limiter | [`model::contact::Coulomb::limiter_over_slip`] |
 //! | (2.11), (2.12) | torque | [`model::contact::Law::action`] |

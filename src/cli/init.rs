@@ -91,6 +91,7 @@ mod tests {
         assert!(spelt_out.species.pop().is_some() && spelt_out.species.is_empty());
         assert!(spelt_out.particles.species_by.take().is_some());
         assert!(spelt_out.particles.species_seed.take().is_some());
+        spelt_out.material.clear();
         // These values are computed if they are left out.
         (spelt_out.solver.velocity_scale, spelt_out.solver.neglected_force) = (None, None);
         let friction = spelt_out.friction.as_mut().unwrap();

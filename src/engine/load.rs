@@ -67,7 +67,7 @@ pub fn load(
     // A TOML integer holds 63 bits. With a longer seed the scene in the run file could not be read again.
     let seed = share(comm, || Ok((rand::random::<u64>() >> 1).to_string()))?;
     scene.set_seed_if_missing(seed.parse().expect("it was printed as a number"));
-    let start = match scene.particles.count() {
+    let mut start = match scene.particles.count() {
         Some(count) => {
             agree(comm, check_memory(comm, &scene, count))?;
             let start = initial_condition::made(&scene)?;
@@ -77,7 +77,10 @@ pub fn load(
         None => {
             let mut read = Ok(InitialCondition::default());
             share(comm, || {
-                read = early.take().map_or_else(|| initial_condition::read_csv(&scene, &folder), Ok);
+                read = match early.take() {
+                    None => initial_condition::read_csv(&scene, &folder),
+                    Some(mut early) => early.settle_materials(&scene).map(|()| early),
+                };
                 read.as_ref().map(|_| String::new()).map_err(Clone::clone)
             })?;
             let mut start = share_start(comm, read?);
@@ -86,6 +89,8 @@ pub fn load(
             start
         }
     };
+    // A particle file has them already.
+    start.settle_materials(&scene)?;
     let start = initial_condition::ready(&scene, start)?;
     scene.settle_contacts(&start)?;
     Ok((scene, start))

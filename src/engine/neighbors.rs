@@ -9,6 +9,7 @@
 //! Local indices begin with the owned particles, in summation order; the ghosts of the rank follow. Slots
 //! begin with the own particles of the block, in the same order; the ghosts of the block follow.
 
+use crate::engine::contact_classes::{Ends, part};
 use crate::math::cells::coordinate;
 use crate::math::sized_cells::SizedCells;
 use crate::math::vector::Vec3;
@@ -73,16 +74,18 @@ pub struct Block {
     pub interior: Range<usize>,
     /// Local indices of the ghosts of the block, ascending.
     pub ghosts: Vec<u32>,
-    /// Slots of the listed pairs with at least one own particle, in summation order. The first particle of a
-    /// pair is the earlier one in that order.
+    /// Slots of the listed pairs with at least one own particle, by class and in summation order. The first
+    /// particle of a pair is the earlier one in that order.
     pub pairs: Vec<[u32; 2]>,
     /// Near pairs: those of `pairs` that can come within `l_max` before a particle has moved by half the
     /// inner skin. Only these are evaluated.
     pub near: Vec<[u32; 2]>,
-    /// For every [`BATCH`] of near pairs, one more than the highest slot of an own particle in it: how many
+    /// Where the contacts of every class end in these lists.
+    pub ends: Ends,
+    /// For every [`BATCH`] of near pairs of one class, one more than the highest slot of an own particle in it: how many
     /// own bodies must be made before the batch can be evaluated.
     pub horizon: Vec<u32>,
-    /// Listed wall contacts: slot of an own particle, and number of the wall, sorted by both.
+    /// Listed wall contacts: slot of an own particle, and number of the wall, sorted by class and both.
     pub walls: Vec<[u32; 2]>,
     /// Those of `walls` that can come within `l_max` before a particle has moved by half the inner skin.
     pub near_walls: Vec<[u32; 2]>,
@@ -154,19 +157,30 @@ impl Block {
         wall_cutoff: impl Fn(u32) -> f64,
     ) {
         self.near_walls.clear();
+        self.ends.near.clear();
+        self.ends.near_walls.clear();
+        // Of one class there are no ends.
+        let classes = self.ends.pairs.len();
         // A distance that is NaN must not count as far: the fault has to show in the forces.
         let far = |&[i, k]: &[u32; 2]| walls[k as usize].depth(&x[i as usize]) > wall_cutoff(i);
-        self.near_walls.extend(self.walls.iter().copied().filter(|contact| !far(contact)));
+        for class in 0..classes.max(1) {
+            let walls = &self.walls[part(&self.ends.walls, class, self.walls.len())];
+            self.near_walls.extend(walls.iter().copied().filter(|contact| !far(contact)));
+            self.ends.near_walls.extend((classes > 0).then_some(self.near_walls.len() as u32));
+        }
         // Without a branch: every pair is written, and the next one overwrites it if it is far.
         self.near.resize(self.pairs.len(), [0; 2]);
         let mut kept = 0;
-        for &pair in &self.pairs {
-            let apart = x[pair[0] as usize] - x[pair[1] as usize];
-            self.near[kept] = pair;
-            // NaN must not count as far here either.
-            let cutoff = cutoff(pair);
-            let far = apart.norm_squared() > cutoff * cutoff;
-            kept += usize::from(!far);
+        for class in 0..classes.max(1) {
+            for &pair in &self.pairs[part(&self.ends.pairs, class, self.pairs.len())] {
+                let apart = x[pair[0] as usize] - x[pair[1] as usize];
+                self.near[kept] = pair;
+                // NaN must not count as far here either.
+                let cutoff = cutoff(pair);
+                let far = apart.norm_squared() > cutoff * cutoff;
+                kept += usize::from(!far);
+            }
+            self.ends.near.extend((classes > 0).then_some(kept as u32));
         }
         self.near.truncate(kept);
         if self.remembers {
@@ -177,12 +191,15 @@ impl Block {
         self.horizon.clear();
         // Enough for the case that all pairs are near. Near pairs are also picked within steps, where nothing
         // may be allocated.
-        self.horizon.reserve(self.pairs.len().div_ceil(BATCH));
+        self.horizon.reserve(self.pairs.len().div_ceil(BATCH) + classes);
         let own = self.range.len() as u32;
         let horizon = |pairs: &[[u32; 2]]| {
             pairs.as_flattened().iter().filter(|&&slot| slot < own).fold(0, |most, slot| most.max(slot + 1))
         };
-        self.horizon.extend(self.near.chunks(BATCH).map(horizon));
+        for class in 0..classes.max(1) {
+            let near = &self.near[part(&self.ends.near, class, self.near.len())];
+            self.horizon.extend(near.chunks(BATCH).map(horizon));
+        }
     }
 
     /// Looks up the rows of near contacts among those of listed ones.
@@ -210,7 +227,8 @@ impl Block {
             &self.near_wall_rows,
         ];
         let singles = singles.map(Vec::capacity).iter().sum::<usize>();
-        lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + singles * size_of::<u32>()
+        let ends = self.bytes_of_ends();
+        lists.iter().sum::<usize>() * size_of::<[u32; 2]>() + singles * size_of::<u32>() + ends
     }
 }
 

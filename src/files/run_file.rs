@@ -29,6 +29,8 @@ pub struct RunFile {
     pub sizes: Arc<[Size]>,
     /// The species of the particles, if they have any.
     pub species: Option<Species>,
+    /// The number of the material of each particle in the scene; none where nobody has a material.
+    pub materials: Arc<[u32]>,
 }
 
 /// The state of all particles in one frame, in the order of their ids.
@@ -46,6 +48,8 @@ pub struct State {
     pub omega: Option<Vec<[f64; 3]>>,
     /// The size of each particle; none where all have that of the scene.
     pub sizes: Arc<[Size]>,
+    /// The number of the material of each particle in the scene; none where nobody has a material.
+    pub materials: Arc<[u32]>,
 }
 
 impl State {
@@ -119,9 +123,9 @@ impl RunFile {
         let scene =
             Scene::parse("", &scene, &[]).map_err(|why| unusable(format!("its scene is broken: {why}")))?;
         let file = hdf5::File::open(path).map_err(|why| unusable(why.to_string()))?;
-        let (sizes, species) = output::sizes(&file, count).map_err(unusable)?;
-        let (path, sizes) = (path.to_path_buf(), sizes.into());
-        Ok(RunFile { path, file, scene, frames, count, completed, sizes, species })
+        let output::Bodies { sizes, species, materials } = output::bodies(&file, count).map_err(unusable)?;
+        let (path, sizes, materials) = (path.to_path_buf(), sizes.into(), materials.into());
+        Ok(RunFile { path, file, scene, frames, count, completed, sizes, species, materials })
     }
 
     /// Path of the file.
@@ -154,6 +158,7 @@ impl RunFile {
             v: state.v,
             omega: self.scene.rotates().then_some(state.omega),
             sizes: self.sizes.clone(),
+            materials: self.materials.clone(),
         })
     }
 

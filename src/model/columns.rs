@@ -27,6 +27,8 @@ pub const RADIUS: &str = "radius";
 pub const MASS: &str = "mass";
 /// Name of the column of species: numbers from 0 on, each of which stands for a name.
 pub const SPECIES: &str = "species";
+/// Name of the column of materials: the numbers of the materials of the scene, and one more for none.
+pub const MATERIAL: &str = "material";
 
 /// The position in a row of the state, m.
 #[inline(always)]
@@ -182,6 +184,13 @@ impl Columns {
         let (Some((_, r)), Some((_, mass))) = (self.find(RADIUS), self.find(MASS)) else { return Vec::new() };
         let rows = constants.chunks_exact(self.width(Changes::WithLists));
         rows.map(|row| Size::new(row[r.start], row[mass.start])).collect()
+    }
+
+    /// The materials in rows of the columns that change only when lists are built; empty where nobody has one.
+    pub fn materials(&self, constants: &[f64]) -> Vec<u32> {
+        let Some((_, material)) = self.find(MATERIAL) else { return Vec::new() };
+        let rows = constants.chunks_exact(self.width(Changes::WithLists));
+        rows.map(|row| row[material.start] as u32).collect()
     }
 
     /// Where the column `name` is: when it changes, and its numbers within a row of all columns that change

@@ -56,18 +56,26 @@ pub(super) fn load_root<A: Arithmetic>(half_kappa: f64, gap: f64) -> f64 {
 }
 
 impl Dahl {
-    /// The element whose limit is `coefficient` times the normal force of a contact at rest.
+    /// The element whose limit is `coefficient` times the normal force of a contact at rest. One of 0 resists
+    /// nothing.
     pub fn new(coefficient: f64, law: &LawParameters, memory: &MemoryParameters) -> Self {
         let LawParameters { f_0, kappa, e, .. } = *law;
         let at_rest = 0.5 * (1.0 + e * e);
         let (limit, full) =
             (coefficient * at_rest * f_0, coefficient * at_rest / (memory.stiffness_ratio * kappa));
-        Dahl { limit, full, inverse_full: 1.0 / full, half_kappa: 0.5 * kappa }
+        // Without a limit nothing is stored either: the memory stays 0, and so does the force, exactly.
+        let inverse_full = if full > 0.0 { 1.0 / full } else { 0.0 };
+        Dahl { limit, full, inverse_full, half_kappa: 0.5 * kappa }
     }
 
     /// Damping tau (s/m), as a share `zeta` of critical, where the element moves `mass` (kg).
+    /// It is 0 for an element that resists nothing.
     pub fn damping(&self, zeta: f64, mass: f64) -> f64 {
-        2.0 * zeta * (mass * self.limit / self.full).sqrt() / self.limit
+        if self.limit > 0.0 && self.full > 0.0 {
+            2.0 * zeta * (mass * self.limit / self.full).sqrt() / self.limit
+        } else {
+            0.0
+        }
     }
 
     /// L_0 x_m: twice the energy that a memory of length 1 stores, J.

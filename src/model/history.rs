@@ -60,14 +60,14 @@ pub struct MemoryParameters {
     pub damping: f64,
     /// Mass of a typical particle, kg.
     pub mass: f64,
-    /// Coefficients of rolling and of twisting resistance; 0 where there is none.
-    pub resistance: [f64; 2],
+    /// Coefficients of rolling and of twisting resistance; none where no contact of the scene has it.
+    pub resistance: [Option<f64>; 2],
 }
 
 impl MemoryParameters {
     /// Numbers in the memory of a contact.
     pub fn numbers(&self) -> usize {
-        let [rolling, twisting] = self.resistance.map(|coefficient| coefficient > 0.0);
+        let [rolling, twisting] = self.resistance.map(|coefficient| coefficient.is_some());
         SHEAR + if rolling { 3 } else { 0 } + if twisting { 1 } else { 0 }
     }
 }
@@ -101,7 +101,7 @@ struct Side {
 /// use demhybrid::model::history::{History, MemoryParameters, Partner, Touch};
 /// use demhybrid::model::size::Partners;
 ///
-/// let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.0, resistance: [0.0; 2] };
+/// let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.0, resistance: [None; 2] };
 /// let parameters = LawParameters {
 ///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 1.0, psi: 10.0, phi: 0.3, v_min: 0.01,
 ///     memory: Some(memory),
@@ -263,7 +263,7 @@ mod tests {
     use proptest::test_runner::RngSeed;
 
     const MEMORY_OF_TEST: MemoryParameters =
-        MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance: [0.0; 2] };
+        MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance: [None; 2] };
 
     const LAW: LawParameters = LawParameters {
         r: 0.1,

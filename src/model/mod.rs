@@ -6,6 +6,7 @@ pub mod contact;
 pub mod dahl;
 pub mod effects;
 pub mod history;
+pub mod materials;
 pub mod rolling;
 pub mod size;
 pub mod wall;

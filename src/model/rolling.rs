@@ -34,7 +34,7 @@ use crate::model::history::{MemoryParameters, Partner, SHEAR, Touch, turned};
 /// use demhybrid::model::size::Partners;
 ///
 /// let memory =
-///     MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.0, resistance: [0.05, 0.0] };
+///     MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.0, resistance: [Some(0.05), None] };
 /// let law = LawParameters {
 ///     r: 0.1, f_0: 10.0, kappa: 150.0, l_max: 0.1, e: 1.0, psi: 10.0, phi: 0.3, v_min: 0.01,
 ///     memory: Some(memory),
@@ -103,10 +103,10 @@ impl Resistance {
         SHEAR + self.rolling.map_or(0, |_| 3) + self.twisting.map_or(0, |_| 1)
     }
 
-    /// The resistances of a scene; none if both coefficients are 0.
+    /// The resistances of a scene; none if no contact of it has any. A coefficient of 0 resists nothing.
     pub fn new(law: &LawParameters, memory: &MemoryParameters) -> Option<Self> {
-        let element = |coefficient: f64, masses: [f64; 2]| {
-            (coefficient > 0.0).then(|| {
+        let element = |coefficient: Option<f64>, masses: [f64; 2]| {
+            coefficient.map(|coefficient| {
                 let element = Dahl::new(coefficient, law, memory);
                 let tau = masses.map(|share| element.damping(memory.damping, share * memory.mass));
                 Turned { element, tau }
@@ -171,8 +171,12 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
-    const MEMORY: MemoryParameters =
-        MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance: [0.05, 0.02] };
+    const MEMORY: MemoryParameters = MemoryParameters {
+        stiffness_ratio: 0.5,
+        damping: 1.0,
+        mass: 1.0,
+        resistance: [Some(0.05), Some(0.02)],
+    };
 
     const LAW: LawParameters = LawParameters {
         r: 0.1,
@@ -242,7 +246,7 @@ mod tests {
             let (partner, reduced) = if wall { (Partner::Wall, 1.0) } else { (Partner::Sphere, 0.5) };
             let touch = contact(partner, gap, [&n, &v_rel, &spins, &memory]);
             let moment = found(rolling, partner, touch, &difference);
-            let coefficient = MEMORY.resistance[usize::from(!rolling)];
+            let coefficient = MEMORY.resistance[usize::from(!rolling)].unwrap();
             let most = coefficient * reduced * 0.58 * LAW.f_0 * s * s;
             prop_assert!(moment.moment.norm() <= most * (1.0 + 1e-12));
             // Rolling turns about axes in the contact plane, twisting about the normal.

@@ -38,11 +38,14 @@ pub fn caveats(scene: &Scene) -> Vec<String> {
         }
     }
     if dissipative {
+        let restitution = match &scene.material[..] {
+            [] => format!("contact.restitution = {}", short(scene.contact.restitution)),
+            _ => "their coefficient of restitution".to_owned(),
+        };
         found.push(format!(
-            "impacts slower than 1/contact.dissipation_focusing = {} m/s lose less than contact.restitution = {} \
-             says, and the slowest nothing",
-            short(1.0 / scene.contact.dissipation_focusing),
-            short(scene.contact.restitution)
+            "impacts slower than 1/contact.dissipation_focusing = {} m/s lose less than {restitution} says, and \
+             the slowest nothing",
+            short(1.0 / scene.contact.dissipation_focusing)
         ));
     }
     found

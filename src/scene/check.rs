@@ -5,6 +5,7 @@ use toml::de::{DeInteger, DeTable, DeValue};
 
 use super::check_starts::starts;
 use super::keys::{self, KEYS, Key, Kind, LARGEST_COUNT, Range};
+use super::materials;
 use super::source::{Source, Span, brief};
 use super::stop::Stop;
 use super::walls::{walls, walls_without_room};
@@ -260,6 +261,7 @@ pub(super) fn relations(source: &Source, scene: &Scene) -> Result<(), Error> {
             return Err(source.error(source.value(&path), &message));
         }
     }
+    materials::check(source, scene)?;
     room_between_walls(source, &scene.container)?;
     starts(source, scene)?;
     steps(source, scene)?;
@@ -442,7 +444,7 @@ fn friction(source: &Source, scene: &Scene) -> Result<(), Error> {
         } else {
             ("friction.coefficient", "a friction.coefficient above 0")
         };
-        let met = !law_is_wrong && friction.rotation && friction.coefficient > 0.0;
+        let met = !law_is_wrong && friction.rotation && scene.rubs();
         if resistance.is_some() && !met {
             let message = format!(
                 "[friction.{name}] needs {needed}: without it no contact would resist {name}; or leave the table \

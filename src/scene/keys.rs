@@ -91,6 +91,8 @@ pub(super) const KEYS: &[Key] = &[
              "[contact] with overlap and restitution"),
     optional("friction", Table,
              "the table of the friction law", "{ coefficient = 0.2, regularization_velocity = 0.01 }"),
+    optional("material", Tables, "the list of materials, each opened by [[material]]",
+             "[{ name = \"glass\", friction = 0.3 }]"),
     optional("solver", Table, "the table of the time stepping", "{ tolerance = 0.1 }"),
     optional("output", Table, "the table of the output file", "{ interval = 0.02 }"),
     optional("checkpoint", Table, "the table of the checkpoints", "{ interval = 0.5 }"),
@@ -110,7 +112,8 @@ pub(super) const KEYS: &[Key] = &[
     optional("particles.species_seed", Seed,
              "the seed of the order in which species and sizes are given to spheres", "1"),
     optional("particles.file", Text,
-             "the path of a CSV file with the columns x,y,z and perhaps radius, mass, density, species",
+             "the path of a CSV file with the columns x,y,z and perhaps radius, mass, density, species, \
+              material",
              "\"start.csv\""),
     optional("particles.run", Text,
              "the path of the file of another run, whose last frame is the start", "\"other.vtkhdf\""),
@@ -151,6 +154,7 @@ pub(super) const KEYS: &[Key] = &[
     optional("species.share", Number(Share),
              "the share of the species, of what particles.species_by says", "0.7"),
     optional("species.density", Number(Positive), "the density of its spheres in kg/m^3", "2500.0"),
+    optional("species.material", Text, "the name of the material of its spheres", "\"glass\""),
     required("species.radius", NumberOrTable(Positive),
              "the radius of its spheres in m, or the table that says how they are spread", "0.1"),
     optional("species.radius.uniform", Numbers(2),
@@ -158,8 +162,9 @@ pub(super) const KEYS: &[Key] = &[
     optional("species.radius.normal", Numbers(4),
              "mean, standard deviation, least and largest radius in m of a normal distribution by number",
              "[0.1, 0.02, 0.05, 0.15]"),
-    optional("species.radius.lognormal", Numbers(2),
-             "the median in m of a lognormal distribution by number, and the standard deviation of ln r",
+    optional("species.radius.lognormal", Numbers(4),
+             "median, standard deviation of ln r, least and largest radius in m of a lognormal distribution by \
+              number",
              "[0.1, 0.3]"),
     optional("species.radius.table", Text,
              "the path of a CSV file with the columns radius or diameter and share, the share of the mass \
@@ -176,11 +181,14 @@ pub(super) const KEYS: &[Key] = &[
              "the lower corner of the box in m (-inf: open)", "[0.0, 0.0, 0.0]"),
     optional("container.box.max", Vector { open: true },
              "the upper corner of the box in m (inf: open)", "[1.0, 1.0, inf]"),
+    optional("container.box.material", Text, "the name of the material of all sides of the box",
+             "\"steel\""),
     optional("container.wall", Tables, "the list of plane walls, each opened by [[container.wall]]",
              "[{ point = [0.0, 0.0, 0.0], normal = [0.0, 0.0, -1.0] }]"),
     optional("container.wall.point", Vector { open: false }, "a point of the wall in m", "[0.0, 0.0, 0.0]"),
     optional("container.wall.normal", Vector { open: false },
              "the outward normal of the wall, of any length", "[0.0, 0.0, -1.0]"),
+    optional("container.wall.material", Text, "the name of the material of the wall", "\"steel\""),
 
     optional("contact.overlap", Number(PartOf), "the largest share of the radius that a load presses in", "0.05"),
     optional("contact.drop", Number(Positive),
@@ -211,6 +219,24 @@ pub(super) const KEYS: &[Key] = &[
              "the coefficient of twisting resistance: the largest moment over normal force and reduced \
               radius",
              "0.01"),
+
+    required("material.name", Text, "the name of the material", "\"glass\""),
+    optional("material.restitution", Number(Share), "the coefficient of restitution of the material", "0.9"),
+    optional("material.friction", Number(NotNegative), "the friction coefficient of the material", "0.3"),
+    optional("material.rolling", Number(NotNegative),
+             "the coefficient of rolling resistance of the material", "0.01"),
+    optional("material.twisting", Number(NotNegative),
+             "the coefficient of twisting resistance of the material", "0.0"),
+    optional("material.pair", Tables,
+             "the list of what holds with other materials, each opened by [[material.pair]]",
+             "[{ with = \"steel\", friction = 0.3 }]"),
+    required("material.pair.with", Text, "the name of the other material of the pair", "\"steel\""),
+    optional("material.pair.restitution", Number(Share), "the coefficient of restitution of the pair", "0.8"),
+    optional("material.pair.friction", Number(NotNegative), "the friction coefficient of the pair", "0.3"),
+    optional("material.pair.rolling", Number(NotNegative),
+             "the coefficient of rolling resistance of the pair", "0.01"),
+    optional("material.pair.twisting", Number(NotNegative),
+             "the coefficient of twisting resistance of the pair", "0.0"),
 
     optional("solver.method", Word(MethodName::NAMES), "the time stepping method", "\"auto\""),
     optional("solver.tolerance", Number(Positive), "the error tolerance of a step", "1e-3"),
@@ -381,12 +407,20 @@ mod tests {
             ("\"a\"", "0.3", format!("{{ uniform = {} }}", example("species.radius.uniform"))),
             (example("species.name"), example("species.share"), example("species.radius").to_owned()),
         ] {
-            let density = example("species.density");
+            let [density, material] = ["species.density", "species.material"].map(example);
             text += &format!(
-                "[[species]]\nname = {name}\nshare = {share}\ndensity = {density}\nradius = {radius}\n"
+                "[[species]]\nname = {name}\nshare = {share}\ndensity = {density}\nradius = {radius}\n\
+                 material = {material}\n"
             );
         }
-        text + "[[container.wall]]\npoint = [0, 0, 0]\nnormal = [0, 0, -1]\n"
+        text += "[[container.wall]]\npoint = [0, 0, 0]\nnormal = [0, 0, -1]\nmaterial = \"steel\"\n";
+        for table in ["material", "material.pair"] {
+            text += &format!("[[{table}]]\n");
+            for key in of_table(table).filter(|key| !matches!(key.kind, Tables)) {
+                text += &format!("{} = {}\n", key.name(), key.example);
+            }
+        }
+        text + "[[material]]\nname = \"steel\"\n"
     }
 
     #[test]

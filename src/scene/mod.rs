@@ -12,6 +12,7 @@ pub mod contact_scales;
 pub mod effects;
 pub mod initial_condition;
 mod keys;
+pub mod materials;
 mod schema;
 mod source;
 pub mod species;
@@ -29,6 +30,7 @@ use crate::model::effects::FrictionLaw;
 use crate::ode::{MethodName, NormName};
 pub(crate) use check::cells_along;
 use contact_scales::ContactScales;
+pub use materials::{Material, MaterialPair};
 pub use schema::schema;
 use source::Source;
 pub use source::split_values;
@@ -72,6 +74,9 @@ pub struct Scene {
     pub contact: Contact,
     /// The tangential force of contacts; `None`: the basic variant.
     pub friction: Option<Friction>,
+    /// What spheres and walls are made of; `[]`: all have the coefficients of `contact` and `friction`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub material: Vec<Material>,
     /// The time integration.
     #[serde(default)]
     pub solver: Solver,
@@ -236,11 +241,13 @@ pub struct BoxSides {
     pub min: [f64; 3],
     /// Upper corner, m; inf leaves a side open. If left out, 10 radii in x and y, and open in z.
     pub max: [f64; 3],
+    /// Name of the material of its sides, if they have one.
+    pub material: Option<String>,
 }
 
 impl Default for BoxSides {
     fn default() -> Self {
-        BoxSides { min: [0.0; 3], max: [LEFT_OUT, LEFT_OUT, f64::INFINITY] }
+        BoxSides { min: [0.0; 3], max: [LEFT_OUT, LEFT_OUT, f64::INFINITY], material: None }
     }
 }
 
@@ -252,11 +259,13 @@ pub struct WallPlane {
     pub point: [f64; 3],
     /// Outward normal of any length except 0.
     pub normal: [f64; 3],
+    /// Name of its material, if it has one.
+    pub material: Option<String>,
 }
 
 impl Default for WallPlane {
     fn default() -> Self {
-        WallPlane { point: [0.0; 3], normal: [0.0, 0.0, -1.0] }
+        WallPlane { point: [0.0; 3], normal: [0.0, 0.0, -1.0], material: None }
     }
 }
 
@@ -511,7 +520,7 @@ impl Scene {
 
     /// Whether particles rotate: the scene has friction with rotation, and its coefficient is not 0.
     pub fn rotates(&self) -> bool {
-        self.friction.as_ref().is_some_and(|friction| friction.rotation && friction.coefficient > 0.0)
+        self.friction.as_ref().is_some_and(|friction| friction.rotation) && self.rubs()
     }
 
     /// The largest radius of a sphere, m; where a file has the spheres, that of a typical one.

@@ -89,8 +89,7 @@ impl Rest {
             Units::Si => [1.0; 4],
             Units::Scene => [mass * scale * scale, r, scale, r / scale],
         };
-        let creeps =
-            |friction: &&Friction| friction.law == FrictionLaw::Regularized && friction.coefficient > 0.0;
+        let creeps = |friction: &&Friction| friction.law == FrictionLaw::Regularized && scene.rubs();
         let creeping = scene.friction.as_ref().filter(creeps);
         let creep = creeping.and_then(|friction| friction.regularization_velocity).unwrap_or(0.0);
         Some(Rest {

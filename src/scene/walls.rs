@@ -113,7 +113,7 @@ mod tests {
 
     #[test]
     fn walls_that_face_each_other_from_behind_leave_no_room() {
-        let plane = |z, up| scene::WallPlane { point: [0.5, 0.5, z], normal: [0.0, 0.0, up] };
+        let plane = |z, up| scene::WallPlane { point: [0.5, 0.5, z], normal: [0.0, 0.0, up], material: None };
         let of = |wall: Vec<scene::WallPlane>| {
             walls_without_room(&scene::Container { r#box: None, wall }).map(|pair| pair.map(|(k, _)| k))
         };
@@ -124,8 +124,8 @@ mod tests {
 
     #[test]
     fn open_sides_have_no_wall() {
-        let sides = scene::BoxSides { min: [0.0, 0.0, 0.0], max: [1.0, 2.0, f64::INFINITY] };
-        let wall = scene::WallPlane { point: [0.0, 0.0, 9.0], normal: [0.0, 1.0, 1.0] };
+        let sides = scene::BoxSides { min: [0.0, 0.0, 0.0], max: [1.0, 2.0, f64::INFINITY], material: None };
+        let wall = scene::WallPlane { point: [0.0, 0.0, 9.0], normal: [0.0, 1.0, 1.0], material: None };
         let container = scene::Container { r#box: Some(sides), wall: vec![wall] };
         let walls = walls(&container);
         assert_eq!(walls.len(), 6);

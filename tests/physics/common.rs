@@ -66,6 +66,12 @@ impl Case {
         self
     }
 
+    /// Overrides a key by the text of a `--set`.
+    pub fn raw(mut self, set: &str) -> Self {
+        self.sets.push(set.to_owned());
+        self
+    }
+
     /// Gravity of 9.81 m/s^2 down z.
     pub fn heavy(self) -> Self {
         self.set("gravity", [0.0, 0.0, -9.81])

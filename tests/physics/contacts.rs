@@ -61,7 +61,7 @@ fn a_bed_has_as_many_contacts_across_gaps_as_in_overlap() {
     let mut words = scene.clone();
     words.contact.repulsion_at_contact = 1000.0;
     words.particles.radius -= less;
-    let sides = BoxSides { min: [-less; 3], max: [1.0 + less, 1.0 + less, f64::INFINITY] };
+    let sides = BoxSides { min: [-less; 3], max: [1.0 + less, 1.0 + less, f64::INFINITY], material: None };
     words.container.r#box = Some(sides);
     let (other, other_mean, other_loose) = measured(&words, run.end());
     assert_eq!((other_mean, other_loose), (mean, loose));

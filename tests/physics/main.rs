@@ -10,6 +10,7 @@ mod contacts;
 mod friction;
 mod hard;
 mod impact;
+mod materials;
 mod memory;
 #[path = "../program/mpirun.rs"]
 mod mpirun;

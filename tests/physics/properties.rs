@@ -54,8 +54,11 @@ impl Cloud {
         let mut scene = Scene::parse("cloud.toml", &text, &[]).unwrap();
         scene.particles.mass = self.mass;
         scene.gravity = self.gravity.into();
-        let plane =
-            |(point, normal): &(Vec3, Vec3)| WallPlane { point: (*point).into(), normal: (*normal).into() };
+        let plane = |(point, normal): &(Vec3, Vec3)| WallPlane {
+            point: (*point).into(),
+            normal: (*normal).into(),
+            material: None,
+        };
         scene.container = Container { r#box: None, wall: self.walls.iter().map(plane).collect() };
         let rotation = self.rotation;
         scene.friction = self.friction.then_some(Friction {

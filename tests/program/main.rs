@@ -17,6 +17,8 @@ mod ensemble;
 mod examples;
 mod exports;
 #[cfg(feature = "mpi")]
+mod materials;
+#[cfg(feature = "mpi")]
 mod mpi;
 mod mpirun;
 mod python;

@@ -77,7 +77,7 @@ fn bad_scenes_are_refused_with_the_message_they_carry() {
 
 /// Bad scenes whose mistake has no line: something is missing at the top, or a file as a whole is wrong.
 /// Particles that do not fit the walls are named by id, and by the row of their file.
-const WITHOUT_LINE: [&str; 22] = [
+const WITHOUT_LINE: [&str; 23] = [
     "contact-missing",
     "csv-beyond-a-wall",
     "csv-beyond-arithmetic",
@@ -87,6 +87,7 @@ const WITHOUT_LINE: [&str; 22] = [
     "csv-file-is-a-device",
     "csv-file-is-a-folder",
     "csv-file-missing",
+    "csv-material-unknown",
     "csv-no-rows",
     "csv-on-the-floor",
     "csv-one-centre-twice",

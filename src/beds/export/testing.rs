@@ -18,5 +18,5 @@ pub fn sized() -> (Scene, State, Species) {
     let v = vec![[0.1, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0; 3]];
     let sizes = [Size::new(0.1, 2.0), Size::new(0.05, 0.25), Size::new(0.02, 0.016)].into();
     let species = Species { names: NAMES.map(str::to_owned).into(), of: vec![0, 1, 2] };
-    (scene, State { frame: 0, time: 0.5, x, v, omega: None, sizes }, species)
+    (scene, State { frame: 0, time: 0.5, x, v, omega: None, sizes, materials: Default::default() }, species)
 }

@@ -12,7 +12,8 @@ pub fn csv(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     let spins = if state.omega.is_some() { ",avx,avy,avz" } else { "" };
     let own_sizes = if frame.is_sized() { ",radius,mass" } else { "" };
     let own_species = if frame.species.is_some() { ",species" } else { "" };
-    writeln!(out, "x,y,z,vx,vy,vz{spins}{own_sizes}{own_species}")?;
+    let own_materials = if state.materials.is_empty() { "" } else { ",material" };
+    writeln!(out, "x,y,z,vx,vy,vz{spins}{own_sizes}{own_species}{own_materials}")?;
     let names: Vec<String> =
         frame.species.map_or_else(Vec::new, |species| species.names.iter().map(|name| field(name)).collect());
     for (id, ([x, y, z], v)) in state.x.iter().zip(&state.v).enumerate() {
@@ -26,6 +27,9 @@ pub fn csv(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
         }
         if let Some(species) = frame.species {
             write!(out, ",{}", names[species.of[id] as usize])?;
+        }
+        if let Some(&material) = state.materials.get(id) {
+            write!(out, ",{}", field(frame.scene.material_name(material as usize)))?;
         }
         writeln!(out)?;
     }

@@ -18,7 +18,12 @@ pub fn write(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
         state.time
     )?;
     if let Some(species) = frame.species {
-        names(out, &species.names)?;
+        names(out, "species_names", &species.names)?;
+    }
+    if !state.materials.is_empty() {
+        let all: Vec<String> =
+            (0..=frame.scene.material.len()).map(|k| frame.scene.material_name(k).to_owned()).collect();
+        names(out, "material_names", &all)?;
     }
     writeln!(
         out,
@@ -34,6 +39,9 @@ pub fn write(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     if let Some(species) = frame.species {
         numbers(out, "species", species.of.iter().map(|&index| f64::from(index)))?;
     }
+    if !state.materials.is_empty() {
+        numbers(out, "material", state.materials.iter().map(|&index| f64::from(index)))?;
+    }
     vectors(out, "velocity", &state.v)?;
     if let Some(omega) = &state.omega {
         vectors(out, "angular_velocity", omega)?;
@@ -46,11 +54,11 @@ pub fn write(frame: &FrameData, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "</Verts>\n</Piece>\n</PolyData>\n</VTKFile>")
 }
 
-/// Writes the names of species 0, 1, ... as the field `species_names`: bytes of text, each name ended by 0.
-fn names(out: &mut dyn Write, names: &[String]) -> io::Result<()> {
+/// Writes the names of species or materials 0, 1, ... as a field: bytes of text, each name ended by 0.
+fn names(out: &mut dyn Write, field: &str, names: &[String]) -> io::Result<()> {
     writeln!(
         out,
-        "<Array type=\"String\" Name=\"species_names\" NumberOfTuples=\"{}\" format=\"ascii\">",
+        "<Array type=\"String\" Name=\"{field}\" NumberOfTuples=\"{}\" format=\"ascii\">",
         names.len()
     )?;
     for name in names {

@@ -8,11 +8,12 @@ use crate::engine::neighbors::Reach;
 use crate::files::run_file::State;
 use crate::math::elementary::Separate;
 use crate::math::vector::Vec3;
-use crate::model::contact::{Dissipative, Frictionless, Law, Rebound};
+use crate::model::contact::Rebound;
 use crate::model::size::Sizes;
 use crate::model::wall::Wall;
+use crate::scene::Scene;
+use crate::scene::materials::NormalLaws;
 use crate::scene::walls::{wall_names, walls};
-use crate::scene::{Scene, effects};
 
 /// Share of the reference force above which a push is a contact, where nobody asks for another.
 pub const SHARE: f64 = 0.1;
@@ -46,7 +47,7 @@ pub struct Contact {
     /// Overlap of the surfaces, m; negative across a gap.
     pub overlap: f64,
     /// Normal force at the positions and velocities of the state, eqs. (2.1) to (2.5), N. At rest it is
-    /// (1 + e^2)/2 of the repulsion.
+    /// (1 + e^2)/2 of the repulsion, with the e of its two materials.
     pub force: f64,
 }
 
@@ -83,6 +84,7 @@ pub struct WallForce {
 ///     v: vec![[0.0; 3]; 2],
 ///     omega: None,
 ///     sizes: Default::default(), // all have that of the scene
+///     materials: Default::default(), // none has one
 /// };
 /// let found = Contacts::of(&scene, &state, SHARE); // one sphere above another one on the floor
 /// assert_eq!((found.pushing[0].i, found.pushing[0].partner), (0, Partner::Sphere(1)));
@@ -142,13 +144,13 @@ pub fn between_spheres(contacts: &[Contact]) -> impl Iterator<Item = &Contact> {
     contacts.iter().filter(|contact| contact.partner.wall().is_none())
 }
 
-/// The spheres of a state with the law of their normal forces.
+/// The spheres of a state with the laws of their normal forces.
 struct Bodies<'a> {
     sizes: Sizes<'a>,
     x: Vec<Vec3>,
     v: Vec<Vec3>,
     walls: Vec<Wall>,
-    law: Law<Dissipative, Frictionless>,
+    laws: NormalLaws<'a>,
 }
 
 impl<'a> Bodies<'a> {
@@ -158,19 +160,23 @@ impl<'a> Bodies<'a> {
             x: state.x.iter().map(|&x| x.into()).collect(),
             v: state.v.iter().map(|&v| v.into()).collect(),
             walls: walls(&scene.container),
-            law: effects::normal_law(scene),
+            laws: NormalLaws::of(scene, &state.materials),
         }
     }
 
     /// Largest gap at which a repulsion can be more than `force` (N), from 0 to the interaction distance, m.
     fn reach(&self, force: f64) -> f64 {
-        let law = &self.law.parameters;
+        let law = self.laws.shared();
         ((law.f_0 / force).ln() / law.kappa).max(0.0).min(law.l_max)
     }
 
     /// A contact at `gap` (m) that opens at the speed `opening` (m/s).
     fn contact(&self, i: usize, partner: Partner, gap: f64, opening: f64) -> Contact {
-        let force = self.law.repulsion::<Separate>(gap) * self.law.rebound.share::<Separate>(-opening);
+        let law = match partner {
+            Partner::Sphere(j) => self.laws.of_pair(i, j),
+            Partner::Wall(k) => self.laws.of_wall(i, k),
+        };
+        let force = law.repulsion::<Separate>(gap) * law.rebound.share::<Separate>(-opening);
         Contact { i, partner, overlap: -gap, force }
     }
 
@@ -199,7 +205,7 @@ impl<'a> Bodies<'a> {
         for (k, wall) in self.walls.iter().enumerate() {
             for (i, (x, v)) in self.x.iter().zip(&self.v).enumerate() {
                 let gap = wall.depth(x) - self.sizes.of(i).r;
-                if gap <= self.law.parameters.l_max {
+                if gap <= self.laws.shared().l_max {
                     found.push(self.contact(i, Partner::Wall(k), gap, -wall.normal.dot(v)));
                 }
             }
@@ -312,7 +318,7 @@ mod tests {
     fn walls_bear_what_all_spheres_near_them_push_with() {
         let mut scene =
             scene(&format!("{GRAVITY}\ncontainer.box = {{ min = [0, 0, 0], max = [1, 1, inf] }}"));
-        let tilted = crate::scene::WallPlane { point: [0.0; 3], normal: [-1.0, 0.0, -1.0] };
+        let tilted = crate::scene::WallPlane { point: [0.0; 3], normal: [-1.0, 0.0, -1.0], material: None };
         scene.container.wall.push(tilted);
         // Gaps of -2 mm to the floor, and of 5 and 40 mm to the side x = 0.
         let state = at_rest(vec![[0.105, 0.5, 0.098], [0.14, 0.5, 0.5]]);
@@ -347,7 +353,7 @@ mod tests {
     #[test]
     fn unequal_spheres_push_across_the_gap_of_their_own_surfaces() {
         let mut scene = scene(GRAVITY);
-        scene.container.wall.push(crate::scene::WallPlane { point: [0.0; 3], normal: [0.0, 0.0, -1.0] });
+        scene.container.wall.push(crate::scene::WallPlane::default());
         // A large sphere of 8 kg on the floor, and a small one of 1 g on top of it, both across 1 mm.
         let bed = |gap: f64| {
             let top = 0.401 + 0.01 + gap;

@@ -25,7 +25,7 @@ pub fn mean_coordination(count: usize, contacts: &[Contact]) -> f64 {
 /// Repulsion alone needs 4. Gravity and friction reduce the number by one each.
 pub fn fewest_that_hold(scene: &Scene) -> usize {
     let gravity = usize::from(scene.gravity != [0.0; 3]);
-    let rubs = usize::from(scene.friction.as_ref().is_some_and(|friction| friction.coefficient > 0.0));
+    let rubs = usize::from(scene.rubs());
     4 - gravity - rubs
 }
 

@@ -62,8 +62,8 @@ impl Reference {
     /// let pushes = [4.0, 2.0, 0.2, 0.01, 0.01];
     /// let scene = Scene::parse("configs/quick.toml", &text, &[])?;
     /// # use demhybrid::files::run_file::State;
-    /// # let (x, v, omega, sizes) = (vec![], vec![], None, Default::default());
-    /// # let state = State { frame: 0, time: 0.0, x, v, omega, sizes };
+    /// # let (x, v, omega, sizes, materials) = (vec![], vec![], None, Default::default(), Default::default());
+    /// # let state = State { frame: 0, time: 0.0, x, v, omega, sizes, materials };
     /// assert_eq!(Reference::of(&scene, &state, pushes), Reference::Weight(9.81));
     /// let scene = Scene::parse("configs/quick.toml", &text, &["gravity=[0,0,0]".to_owned()])?;
     /// assert_eq!(Reference::of(&scene, &state, pushes), Reference::MeanPush(3.0)); // of 4 N and 2 N

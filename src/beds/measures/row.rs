@@ -32,6 +32,7 @@ use crate::scene::Scene;
 ///     v: vec![[0.0; 3]; 2],
 ///     omega: None,
 ///     sizes: Default::default(), // all have that of the scene
+///     materials: Default::default(), // none has one
 /// };
 /// let region = Region::cuboid(Vec3::zeros(), Vec3::new(0.75, 0.75, 0.5));
 /// let row = Row::of(&scene, &state, &region, SHARE);

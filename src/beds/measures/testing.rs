@@ -30,7 +30,15 @@ pub fn boxed(min: &str, max: &str) -> Scene {
 
 /// Spheres of the size of the scene at rest around the centres `x` (m).
 pub fn at_rest(x: Vec<[f64; 3]>) -> State {
-    State { frame: 0, time: 0.0, v: vec![[0.0; 3]; x.len()], x, omega: None, sizes: Default::default() }
+    State {
+        frame: 0,
+        time: 0.0,
+        v: vec![[0.0; 3]; x.len()],
+        x,
+        omega: None,
+        sizes: Default::default(),
+        materials: Default::default(),
+    }
 }
 
 /// Spheres at rest, each with its centre (m), radius (m) and mass (kg).

@@ -46,8 +46,15 @@ fn turned_scene(turn: &Rotation3<f64>, away: &Vec3) -> Scene {
 fn measures(turn: &Rotation3<f64>, away: &Vec3, request: &RegionRequest) -> Vec<(String, f64)> {
     let scene = turned_scene(turn, away);
     let x: Vec<[f64; 3]> = settled().iter().map(|x| (turn * x + away).into()).collect();
-    let state =
-        State { frame: 0, time: 0.0, v: vec![[0.0; 3]; x.len()], x, omega: None, sizes: Default::default() };
+    let state = State {
+        frame: 0,
+        time: 0.0,
+        v: vec![[0.0; 3]; x.len()],
+        x,
+        omega: None,
+        sizes: Default::default(),
+        materials: Default::default(),
+    };
     let x = centres(&state);
     let (region, _) = request.of(&scene, &x, alike(&scene));
     let spheres = Spheres::new(&x, 0.1);

@@ -105,7 +105,7 @@ mod tests {
 
     /// The edges around spheres between the origin and `high` (m).
     fn edges_of(min: [f64; 3], max: [f64; 3], wall: Vec<WallPlane>, high: Vec3) -> Vec<Edge> {
-        let container = Container { r#box: Some(BoxSides { min, max }), wall };
+        let container = Container { r#box: Some(BoxSides { min, max, material: None }), wall };
         let ends = [high.z, 0.0, high.x, 0.0, high.y, 0.0];
         edges(&crate::scene::walls::walls(&container), &Upright::default(), &ends)
     }
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn an_oblique_wall_cuts_the_box() {
         // This wall cuts off the corner at x = z = 0.
-        let wall = WallPlane { point: [0.5, 0.0, 0.0], normal: [-1.0, 0.0, -1.0] };
+        let wall = WallPlane { point: [0.5, 0.0, 0.0], normal: [-1.0, 0.0, -1.0], material: None };
         let edges = edges_of([0.0; 3], [1.0; 3], vec![wall], Vec3::repeat(1.0));
         // The result is a prism over a pentagon.
         assert_eq!(edges.len(), 15);

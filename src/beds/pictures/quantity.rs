@@ -2,13 +2,15 @@
 
 use clap::ValueEnum;
 
+use crate::beds::measures::contacts::Partner;
 use crate::beds::measures::region::Upright;
 use crate::engine::neighbors::{Lists, Reach};
 use crate::files::output::Species;
 use crate::files::run_file::State;
 use crate::math::elementary::Separate;
 use crate::math::vector::Vec3;
-use crate::scene::{Scene, effects};
+use crate::scene::Scene;
+use crate::scene::materials::NormalLaws;
 
 use super::options::Limits;
 
@@ -65,16 +67,22 @@ impl Quantity {
             Quantity::Speed => norms(&state.v),
             Quantity::Spin => norms(state.omega.as_deref().expect("the caller has looked for spins")),
             Quantity::Force => {
-                let law = effects::normal_law(scene);
+                let laws = NormalLaws::of(scene, &state.materials);
                 let mut sums = vec![0.0; state.x.len()];
-                for_each_contact(scene, state, law.parameters.l_max, |i, gap, n, v_rel| {
+                for_each_contact(scene, state, laws.shared().l_max, |i, partner, gap, n, v_rel| {
+                    let law = match partner {
+                        Partner::Sphere(j) => laws.of_pair(i, j),
+                        Partner::Wall(k) => laws.of_wall(i, k),
+                    };
                     sums[i] += law.action::<Separate>(gap, n, v_rel, &Vec3::zeros()).force.norm();
                 });
                 sums
             }
             Quantity::Overlap => {
                 let mut deepest = vec![0.0; state.x.len()];
-                for_each_contact(scene, state, 0.0, |i, gap, _, _| deepest[i] = f64::max(deepest[i], -gap));
+                for_each_contact(scene, state, 0.0, |i, _, gap, _, _| {
+                    deepest[i] = f64::max(deepest[i], -gap)
+                });
                 deepest
             }
             Quantity::Radius => {
@@ -104,14 +112,14 @@ impl Quantity {
     }
 }
 
-/// Calls `visit(i, gap, n, v_rel)` for every sphere i of every contact with a gap of at most `widest` (m).
+/// Calls `visit(i, partner, gap, n, v_rel)` for every sphere i of every contact with a gap of at most `widest` (m).
 ///
 /// A pair gives two calls, a wall one. The conventions are those of [`crate::model::contact`].
 fn for_each_contact(
     scene: &Scene,
     state: &State,
     widest: f64,
-    mut visit: impl FnMut(usize, f64, &Vec3, &Vec3),
+    mut visit: impl FnMut(usize, Partner, f64, &Vec3, &Vec3),
 ) {
     let sizes = state.sizes(scene);
     let r = |i: usize| sizes.of(i).r;
@@ -129,11 +137,11 @@ fn for_each_contact(
             let n = if d > 0.0 { apart / d } else { Vec3::z() };
             let v_rel = v(i) - v(j);
             let gap = d - (r(i) + r(j));
-            visit(i, gap, &n, &v_rel);
-            visit(j, gap, &-n, &-v_rel);
+            visit(i, Partner::Sphere(j), gap, &n, &v_rel);
+            visit(j, Partner::Sphere(i), gap, &-n, &-v_rel);
         }
         for [i, k] in block.wall_contacts() {
-            visit(i, walls[k].depth(&x[i]) - r(i), &-walls[k].normal, &v(i));
+            visit(i, Partner::Wall(k), walls[k].depth(&x[i]) - r(i), &-walls[k].normal, &v(i));
         }
     }
 }
@@ -161,6 +169,7 @@ mod tests {
                 v,
                 omega: Some(vec![[0.0; 3], [0.0, -2.0, 0.0]]),
                 sizes: Default::default(),
+                materials: Default::default(),
             },
         )
     }

@@ -181,7 +181,7 @@ mod tests {
 
     #[test]
     fn the_curves_of_what_is_drawn_are_near_those_asked_for() {
-        let one = "{ name = 'a', density = 1, radius = { lognormal = [0.03, 0.4] } }";
+        let one = "{ name = 'a', density = 1, radius = { lognormal = [0.03, 0.4, 0.005, 0.18] } }";
         let scene =
             scene(&[&format!("species=[{one}]"), "particles.grid.count=10000", "particles.grid.spacing=0.4"]);
         let start = initial_condition::grid(&scene, scene.particles.grid.as_ref().unwrap());

@@ -115,7 +115,7 @@ fn cut_force_warning(scene: &Scene, start: &InitialCondition) -> Option<String> 
 /// needs the hardest contacts.
 fn soft_contact_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     let contact = &scene.contact;
-    let at_rest = 0.5 * (1.0 + contact.restitution.powi(2)) * contact.repulsion_at_contact;
+    let at_rest = 0.5 * (1.0 + scene.least_restitution().powi(2)) * contact.repulsion_at_contact;
     let e_folds = |size: &Size| (size.mass * gravity(scene) / at_rest).ln();
     let enough = |size: &Size| e_folds(size) / (DEEP * size.r);
     let (size, sphere, radius) = match start.sizes(scene).as_sizes() {

@@ -20,6 +20,7 @@ use std::time::Instant;
 
 mod composition;
 mod forewarnings;
+mod materials;
 mod monitor;
 mod particles;
 mod size_of_run;
@@ -185,6 +186,9 @@ pub fn plan(
     }
     for (k, row) in composition::lines(scene, start).into_iter().enumerate() {
         line(if k == 0 { "sizes" } else { "" }, row);
+    }
+    for (k, material) in materials::materials(scene, start).into_iter().enumerate() {
+        line(if k == 0 { "materials" } else { "" }, material);
     }
     if let Some(pushed) = particles::pushed_apart(start) {
         line("start", pushed);

@@ -16,6 +16,15 @@ pub(super) struct Contacts {
     pub(super) keys: Vec<[u64; 2]>,
     /// Whether the row is counted here. Over all ranks every contact counts once.
     pub(super) counted: Vec<bool>,
+    /// The class of the contact of every row; empty where there is one class only.
+    pub(super) classes: Vec<u32>,
+}
+
+impl Contacts {
+    /// The class of the contact of a row.
+    pub(super) fn class(&self, row: usize) -> usize {
+        self.classes.get(row).map_or(0, |&class| class as usize)
+    }
 }
 
 /// Memories of contacts in some vectors, by ids.
@@ -201,7 +210,7 @@ impl Dynamics<'_> {
         if *direction_known {
             follow(direction, &[]);
         }
-        let Contacts { keys, counted } = std::mem::take(&mut self.contacts);
+        let Contacts { keys, counted, .. } = std::mem::take(&mut self.contacts);
         let mut first = turnover.first_keys.iter();
         let old = |source: usize| Some((*keys.get(source)?, counted[source]));
         let key = |&source: &u32| old(source as usize).or_else(|| first.next().copied());
@@ -211,6 +220,7 @@ impl Dynamics<'_> {
     /// Takes note of the rows that the contacts have now: their keys, and whether they count.
     fn note_contacts(&mut self, keys: impl Iterator<Item = ([u64; 2], bool)>) {
         (self.contacts.keys, self.contacts.counted) = keys.unzip();
+        self.contacts.classes = self.forces.row_classes();
         let rows = self.contacts.keys.len();
         self.layout.0.truncate(1);
         self.layout.0.push(Segment { rows, width: self.forces.memory_width(), positions: 0 });
@@ -278,11 +288,12 @@ impl Dynamics<'_> {
     /// Energies that the memories at the end of `y` store, by row, J; 0 where another rank counts the
     /// contact.
     pub(super) fn stored_in_memories<'a>(&'a self, y: &'a [f64]) -> impl Fn(usize) -> f64 + Sync + use<'a> {
-        let (kernel, counted) = (&*self.forces.kernel, &self.contacts.counted);
+        let (laws, contacts) = (&self.forces.laws, &self.contacts);
         let (tail, width) = (&y[self.particle_numbers()..], self.forces.memory_width());
         move |row: usize| {
             let memory = &tail[row * width..(row + 1) * width];
-            if counted[row] { kernel.stored_in_memory(memory) } else { 0.0 }
+            let kernel = laws.of(contacts.class(row));
+            if contacts.counted[row] { kernel.stored_in_memory(memory) } else { 0.0 }
         }
     }
 }

@@ -80,11 +80,10 @@ impl Dynamics<'_> {
         comm.max(&mut depths);
         let [depth, overlap] = depths;
         // The closest contact stores most. All ranks compute the same number.
-        let most = forces.kernel.stored(l_max - depth);
+        let most = forces.laws.most_stored(l_max - depth);
         let highest = largest(n, height);
-        let stores = Measure::Gap(forces.kernel.stored_energy());
         let [energy] = exact::exact_sums(comm, [larger(most, highest)], |[scale]| {
-            let [stored, _] = forces.total(stores, |terms| [scale.integer(terms[0]), 0]);
+            let [stored, _] = forces.total(Measure::Stored, |terms| [scale.integer(terms[0]), 0]);
             [stored + total(n, height, scale)]
         });
         (energy, Overlap { length: overlap, share: self.largest_share(overlap) })

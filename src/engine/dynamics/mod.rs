@@ -3,7 +3,7 @@
 use crate::domain::slabs::Slabs;
 use crate::domain::{Comm, Table};
 use crate::engine::forces::{BodyParameters, Forces};
-use crate::engine::kernel::Kernel;
+use crate::engine::kernel::MakeLaws;
 use crate::error::{Error, StopRequest};
 use crate::math::instructions::InstructionSet;
 use crate::math::larger;
@@ -171,20 +171,21 @@ pub struct Particles<'a> {
 impl<'c> Dynamics<'c> {
     /// Takes particles and brings each to the rank that owns it. Collective.
     ///
-    /// The rows of `companions` move along. `velocity_scale` is a typical speed, m/s. `kernel` makes the
-    /// kernel for the instruction set on which all ranks agree.
+    /// The rows of `companions` move along. `velocity_scale` is a typical speed, m/s. `laws` makes the
+    /// contact laws for the instruction set on which all ranks agree.
     ///
     /// Fails where `InstructionSet::chosen` fails, which must be the same on all ranks.
     pub fn new(
         comm: &'c dyn Comm,
-        kernel: &dyn Fn(InstructionSet) -> Box<dyn Kernel>,
+        laws: &MakeLaws,
         parameters: BodyParameters,
         velocity_scale: f64,
         particles: Particles,
         companions: &mut [&mut Vec<f64>],
     ) -> Result<Self, Error> {
         let [set, _] = common_instructions(comm, InstructionSet::chosen().map_err(Error::Input)?);
-        let kernel = kernel(set);
+        let laws = laws(set);
+        let kernel = laws.first();
         let l_max = kernel.law().l_max;
         let Particles { ids, columns, constants, y } = particles;
         if kernel.width() != columns.width(Changes::EveryStage) {
@@ -199,7 +200,7 @@ impl<'c> Dynamics<'c> {
         let ground = ground(&parameters.walls, &upwards(&parameters.gravity));
         let mut dynamics = Dynamics {
             domain: Decomposition::new(comm, ids, columns, constants, y),
-            forces: Forces::new(kernel, parameters, set),
+            forces: Forces::new(laws, parameters, set),
             layout: Layout(vec![segment]),
             contacts: Contacts::default(),
             motion: Motion::default(),
@@ -242,9 +243,10 @@ impl<'c> Dynamics<'c> {
         self.forces.parameters.mass
     }
 
-    /// The parameters of the contact law, with the cutoff in use.
+    /// The parameters that the laws of all contacts share, with the cutoff in use. Coefficients are those of
+    /// the first class of contacts.
     pub fn law(&self) -> LawParameters {
-        self.forces.kernel.law()
+        self.forces.law()
     }
 
     /// The columns of the particles.
@@ -484,9 +486,11 @@ impl<'c> Dynamics<'c> {
         let owned = self.domain.owned;
         self.layout.0[0].rows = owned;
         let sizes = self.domain.columns.sizes(&self.domain.constants);
+        let materials = self.domain.columns.materials(&self.domain.constants);
+        let particles = (owned, sizes, materials);
         // Walls, which do not move, have the skin of two particles.
         let cutoffs = [[reach.share, 1.0 + SKIN], [reach.gap; 2]];
-        self.forces.list(&bodies.rows, (owned, sizes), &bodies.keys, cutoffs, self.domain.halo.picks());
+        self.forces.list(&bodies.rows, particles, &bodies.keys, cutoffs, self.domain.halo.picks());
         self.motion.origin.clear();
         self.motion.origin.extend(self.domain.centres(y));
         let mut speed = [self.fastest(y)];

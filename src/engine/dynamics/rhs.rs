@@ -10,6 +10,7 @@ use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::{SPIN, VELOCITY, position, spin, velocity};
 use crate::model::contact::LawParameters;
+use crate::model::dahl::Dahl;
 use crate::ode::{
     Dissipation, Errors, FinishRows, Ivp, Layout, MakeStage, Part, Rows, Stage, TrialOutcome, VECTORS,
     largest_magnitude, no_vectors,
@@ -210,11 +211,20 @@ impl Ivp for Dynamics<'_> {
         let (particles, memories) = v.split_at_mut(self.layout.whole(0).len);
         threads::parts(ids.len(), threads::GRAIN, Rows::new(particles, width), &add, &|(), ()| ());
         let count = self.count() as f64;
-        let mut sizes = Vec::new();
-        for (numbers, element) in self.forces.kernel.elements() {
-            sizes.extend(std::iter::repeat_n(1.0 / (element.stiffness() * count).sqrt(), *numbers));
-        }
-        for (memory, &key) in memories.chunks_exact_mut(sizes.len().max(1)).zip(&self.contacts.keys) {
+        // Of an element that resists nothing the memory stays 0.
+        let size = |element: &Dahl| match element.stiffness() {
+            0.0 => 0.0,
+            stiffness => 1.0 / (stiffness * count).sqrt(),
+        };
+        let of_class = |elements: &[(usize, Dahl)]| {
+            let sizes =
+                elements.iter().map(|(numbers, element)| std::iter::repeat_n(size(element), *numbers));
+            sizes.flatten().collect::<Vec<f64>>()
+        };
+        let sizes: Vec<Vec<f64>> = self.forces.laws.elements().map(of_class).collect();
+        let rows = memories.chunks_exact_mut(sizes[0].len().max(1)).zip(&self.contacts.keys);
+        for (row, (memory, &key)) in rows.enumerate() {
+            let sizes = &sizes[self.contacts.class(row)];
             let of = |id: u64| migration::scramble(id ^ migration::scramble(round));
             let mut bits = migration::scramble(of(key[0].min(key[1])) ^ key[0].max(key[1]));
             let added = sizes.iter().map(|size| {

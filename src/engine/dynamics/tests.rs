@@ -57,7 +57,7 @@ fn dynamics<'c>(
     ids: Vec<u64>,
     y: &mut Vec<f64>,
 ) -> Dynamics<'c> {
-    let kernel = |set| kernel::kernel(effects, LAW, set);
+    let kernel = |set| kernel::kernel(effects, LAW, set).into();
     let columns = Columns::new(effects.variant == Variant::FrictionRotation);
     let particles = Particles { ids, columns, constants: Vec::new(), y };
     Dynamics::new(comm, &kernel, parameters, 1.0, particles, &mut []).unwrap()
@@ -327,7 +327,7 @@ fn columns_that_do_not_change_follow_particles_and_their_ghosts() {
             let mut y: Vec<f64> = ids.iter().flat_map(|&id| bodies[id as usize]).collect();
             let constants = tags(&ids);
             let particles = Particles { ids, columns: columns.clone(), constants, y: &mut y };
-            let kernel = |set| kernel::kernel(ALL_EFFECTS, LAW, set);
+            let kernel = |set| kernel::kernel(ALL_EFFECTS, LAW, set).into();
             let dynamics = Dynamics::new(comm, &kernel, floor(), 1.0, particles, &mut []).unwrap();
             assert!(ranks == 1 || dynamics.ghosts() > 0);
             assert_eq!(dynamics.domain.constants, tags(&dynamics.domain.ids));
@@ -337,10 +337,10 @@ fn columns_that_do_not_change_follow_particles_and_their_ghosts() {
 }
 
 /// Two spheres that remember, without walls and weight, at these states.
-fn remembering_pair(states: [Body; 2], resistance: [f64; 2]) -> (Dynamics<'static>, StepStart) {
+fn remembering_pair(states: [Body; 2], resistance: [Option<f64>; 2]) -> (Dynamics<'static>, StepStart) {
     let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.5, resistance };
     let law = LawParameters { memory: Some(memory), ..LAW };
-    let kernel = move |set| kernel::kernel(ALL_EFFECTS, law, set);
+    let kernel = move |set| kernel::kernel(ALL_EFFECTS, law, set).into();
     let parameters =
         BodyParameters { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::zeros(), walls: Vec::new() };
     let mut y: Vec<f64> = states.as_flattened().to_vec();
@@ -369,7 +369,7 @@ fn first_slope(dynamics: &mut Dynamics, step_start: &mut StepStart) -> Body {
 #[test]
 fn a_memory_keeps_its_direction_where_new_lists_turn_the_pair_round() {
     // Cells are 0.36 m wide: at first particle 0 is in the lower cell, then in the higher one.
-    let (mut dynamics, mut start) = remembering_pair([at(0.3), at(0.45)], [0.05, 0.02]);
+    let (mut dynamics, mut start) = remembering_pair([at(0.3), at(0.45)], [0.05, 0.02].map(Some));
     assert_eq!(dynamics.contacts.keys, [[0, 1]]);
     // Shear and rolling along y, and a twist.
     start.y[18..].copy_from_slice(&[0.0, 0.3, 0.0, 0.0, 0.4, 0.0, 0.5]);
@@ -401,7 +401,8 @@ fn a_memory_keeps_its_direction_where_new_lists_turn_the_pair_round() {
 fn a_new_contact_begins_with_its_own_rate() {
     // They close with 2 m/s and slip; at first they are out of reach.
     let fast = |x: f64, v: f64| body(Vec3::x() * x, Vec3::new(v, v, 0.0), Vec3::new(0.2 * v, 0.1 * v, 0.3));
-    let (mut dynamics, mut start) = remembering_pair([fast(0.0, 1.0), fast(0.252, -1.0)], [0.05, 0.02]);
+    let (mut dynamics, mut start) =
+        remembering_pair([fast(0.0, 1.0), fast(0.252, -1.0)], [0.05, 0.02].map(Some));
     assert_eq!(start.y.len(), 18);
     let norm = Norm { weights: vec![vec![1.0; 9], vec![1.0; 7]], rate: false, mean: None, rows: Vec::new() };
     let (mut trial, mut method) = (TrialStep::default(), RungeKutta::new(&DORMAND_PRINCE));

@@ -122,14 +122,14 @@ impl Forces {
     ///
     /// A contact across ranks is seen by both.
     pub fn fastest_approach(&mut self, least: f64, l_max: f64, travel: f64) -> f64 {
-        let Forces { kernel, parameters, lists, bounds, block_bodies, width, set, sizes, .. } = self;
+        let Forces { laws, parameters, lists, bounds, block_bodies, width, set, sizes, .. } = self;
         let alike = sizes.is_empty();
-        let (law, width) = (kernel.law(), *width);
+        let (law, width) = (laws.first().law(), *width);
         let work = |(blocks, block_bodies): (&[Block], &mut [BlockBodies]), ()| {
             let gravity = parameters.gravity.norm();
             let mut approach = Approach { law, gravity, most: least };
             let (block, BlockBodies { bodies, sizes, batch, .. }) = (&blocks[0], &mut block_bodies[0]);
-            let sizes = sizes_of(sizes, &**kernel, parameters);
+            let sizes = sizes_of(sizes, laws.first(), parameters);
             let fastest = Fastest::of(bodies.chunks_exact(width).map(velocity));
             let body = |slot: u32| &bodies[slot as usize * width..];
             let within = |surfaces: f64| [surfaces, l_max + travel * surfaces];

@@ -11,7 +11,7 @@ use super::block_bodies::BlockBodies;
 use super::blocks::each_block;
 use super::pass::{StageMaker, Vectors};
 use super::{BlockParts, Forces, sizes_of};
-use crate::engine::kernel::{Kernel, NO_ROW};
+use crate::engine::kernel::{Laws, NO_ROW};
 use crate::engine::neighbors::Block;
 use crate::math::vector::Vec3;
 use crate::model::columns::{position, spin, velocity};
@@ -93,12 +93,13 @@ fn near_contacts<'a>(
 
 /// Adds the rate of the memory of a new contact, in place `place`, to `rates`; see `Found::places`.
 fn add_first_rate(
-    kernel: &dyn Kernel,
+    laws: &Laws,
     (block, local): (&Block, &BlockBodies),
     (walls, sizes): (&[Wall], Sizes),
     place: usize,
     rates: &mut Vec<f64>,
 ) {
+    let kernel = laws.of(block.class_of(place));
     let (law, memory) = (kernel.law(), &Vec3::zeros());
     let typical = law.memory.map_or(1.0, |memory| memory.mass);
     let size = |slot: u32| sizes.of(slot as usize);
@@ -127,12 +128,26 @@ fn add_first_rate(
 impl Forces {
     /// Numbers of the memory of a contact.
     pub fn memory_width(&self) -> usize {
-        self.kernel.memory()
+        self.laws.first().memory()
     }
 
     /// Number of rows.
     pub fn memory_rows(&self) -> usize {
         self.row_bounds.last().copied().unwrap_or(0)
+    }
+
+    /// The class of the contact of every row; empty where there is one class only.
+    pub fn row_classes(&self) -> Vec<u32> {
+        if self.laws.count() == 1 {
+            return Vec::new();
+        }
+        let of_block = |block: &Block| {
+            let rows = block.pair_rows.iter().chain(&block.wall_rows).enumerate();
+            let rows = rows.filter(|(_, row)| **row != NO_ROW);
+            // Rows of a block are in the order of places.
+            rows.map(|(place, _)| block.class_of(place) as u32).collect::<Vec<_>>()
+        };
+        self.lists.blocks.iter().flat_map(of_block).collect()
     }
 
     /// From now on contacts have a memory while their gap is at most `gap` (m) at an accepted state.
@@ -143,8 +158,8 @@ impl Forces {
     /// Makes the stage of all memories, and sets their rates to 0. `vectors` and `rates` have one row for
     /// each.
     pub fn make_memories(&mut self, maker: StageMaker, first: usize, vectors: Vectors, rates: &mut [f64]) {
-        let Forces { kernel, lists, bounds, block_bodies, row_bounds, .. } = self;
-        let width = kernel.memory();
+        let Forces { laws, lists, bounds, block_bodies, row_bounds, .. } = self;
+        let width = laws.first().memory();
         let work = |((_, block_bodies), rows): (BlockParts, ByRows<(Rows, Vectors)>), ()| {
             let memories = &mut block_bodies[0].memories;
             let (mut rest, mut row) = (rows.items, rows.bounds[0]);
@@ -170,15 +185,14 @@ impl Forces {
         if self.memory_width() == 0 {
             return;
         }
-        let Forces { kernel, parameters, lists, bounds, block_bodies, row_bounds, memory_gap, .. } = self;
-        let (kernel, walls) = (&**kernel, &parameters.walls[..]);
-        let law = kernel.law();
-        let gap = memory_gap.min(law.l_max);
+        let Forces { laws, parameters, lists, bounds, block_bodies, row_bounds, memory_gap, .. } = self;
+        let (laws, walls) = (&*laws, &parameters.walls[..]);
+        let gap = memory_gap.min(laws.first().law().l_max);
         let work = |((blocks, block_bodies), rows): (BlockParts, ByRows<()>), ()| {
             let (block, local) = (&blocks[0], &mut block_bodies[0]);
             let mut found = std::mem::take(&mut local.found);
             let local = &*local;
-            let sizes = sizes_of(&local.sizes, kernel, parameters);
+            let sizes = sizes_of(&local.sizes, laws.first(), parameters);
             let (mut kept, mut changed) = (0, false);
             for (within, row, _) in near_contacts((block, local), walls, (sizes, gap)) {
                 changed |= within != (row != NO_ROW);
@@ -197,7 +211,7 @@ impl Forces {
                     found.sources.push(row);
                     if row == NO_ROW {
                         let rates = &mut found.first_rates;
-                        add_first_rate(kernel, (block, local), (walls, sizes), place as usize, rates);
+                        add_first_rate(laws, (block, local), (walls, sizes), place as usize, rates);
                     }
                 }
             }

@@ -10,13 +10,13 @@
 //! The submodule `pass` explains how a right-hand side is evaluated in blocks, `block_bodies` how blocks
 //! exchange bodies.
 
-use crate::engine::kernel::{GapMeasure, Inertia, Kernel, Survey, measure_gaps};
+use crate::engine::kernel::{GapMeasure, Inertia, Kernel, Laws, Survey, measure_gaps};
 use crate::engine::neighbors::{Block, Key, Lists, Reach};
 use crate::math::instructions::InstructionSet;
 use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::{position, spin, velocity};
-use crate::model::contact::Action;
+use crate::model::contact::{Action, LawParameters};
 use crate::model::size::{Size, Sizes, squared_scale};
 use crate::model::wall::Wall;
 use crate::threads;
@@ -83,8 +83,10 @@ const TOLERATED_IMBALANCE: f64 = 1.03;
 /// Two numbers of every contact.
 #[derive(Debug, Clone, Copy)]
 pub enum Measure {
-    /// Numbers that depend on the gap alone.
+    /// Numbers that depend on the gap alone, and not on the materials.
     Gap(GapMeasure),
+    /// The energy that the contact stores, J. The second number is 0.
+    Stored,
     /// Power that the contact dissipates by rebound and by friction, W.
     Dissipation,
 }
@@ -105,14 +107,16 @@ type WithOutbox<'a> = (BlockParts<'a>, &'a mut [Vec<f64>]);
 
 /// Bodies, lists and forces of one rank.
 pub struct Forces {
-    /// The contact law, with the effects of the scene compiled in.
-    pub kernel: Box<dyn Kernel>,
+    /// The contact laws, with the effects of the scene compiled in.
+    pub laws: Laws,
     /// Numbers in a row of the state.
     width: usize,
     /// Mass, inertia, gravity and walls.
     pub parameters: BodyParameters,
     /// Sizes of all particles by local index; empty where all are alike.
     sizes: Vec<Size>,
+    /// Materials of all particles by local index; empty where nobody has one.
+    materials: Vec<u32>,
     /// Neighbour lists, by block.
     pub lists: Lists,
     /// Number of owned particles; they have the first local indices, ghosts the next.
@@ -140,12 +144,13 @@ pub struct Forces {
 
 impl Forces {
     /// Forces without any particles. The processor must have the instructions of `set`.
-    pub fn new(kernel: Box<dyn Kernel>, parameters: BodyParameters, set: InstructionSet) -> Self {
+    pub fn new(laws: Laws, parameters: BodyParameters, set: InstructionSet) -> Self {
         Forces {
-            width: kernel.width(),
-            kernel,
+            width: laws.first().width(),
+            laws,
             parameters,
             sizes: Vec::new(),
+            materials: Vec::new(),
             lists: Lists::default(),
             owned: 0,
             bounds: vec![0, 0],
@@ -166,18 +171,18 @@ impl Forces {
     ///
     /// Lists pairs and walls within the distances that `shares` of the radii and `gaps` (m) make, see
     /// [`Reach`]. `keys` belong to the bodies; those of the owned particles are ascending. So do `sizes`,
-    /// which are empty where all particles are alike.
+    /// which are empty where all particles are alike, and `materials`, which are empty where nobody has one.
     ///
     /// `exports` are the local indices of the owned particles that are ghosts on other ranks.
     pub fn list(
         &mut self,
         bodies: &[f64],
-        (owned, sizes): (usize, Vec<Size>),
+        (owned, sizes, materials): (usize, Vec<Size>, Vec<u32>),
         keys: &[Key],
         [shares, gaps]: [[f64; 2]; 2],
         exports: impl Iterator<Item = usize> + Clone,
     ) {
-        (self.owned, self.sizes) = (owned, sizes);
+        (self.owned, self.sizes, self.materials) = (owned, sizes, materials);
         let grain = BLOCK[usize::from(!threads::is_spinning())];
         let blocks = threads::blocks(owned, grain);
         if self.shares.len() != blocks + 1 {
@@ -187,9 +192,10 @@ impl Forces {
         let list = |forces: &mut Self| {
             let bound = |share: &f64| (share * owned as f64).round() as usize;
             forces.bounds = forces.shares.iter().map(bound).collect();
-            let sizes = sizes_of(&forces.sizes, &*forces.kernel, &forces.parameters);
+            let sizes = sizes_of(&forces.sizes, forces.laws.first(), &forces.parameters);
             let reach = Reach { sizes, shares, gaps };
             forces.lists.rebuild_between(&forces.bounds, &x, keys, reach, &forces.parameters.walls);
+            forces.lists.sort_by_class(&forces.laws.classes, &forces.materials);
             forces.load_bodies(bodies, exports.clone());
         };
         list(self);
@@ -209,7 +215,7 @@ impl Forces {
         self.row_bounds.clear();
         self.row_bounds.resize(blocks + 1, 0);
         for block in &mut lists.blocks {
-            block.forget_rows(self.kernel.memory() > 0);
+            block.forget_rows(self.laws.first().memory() > 0);
         }
         let source = |i: usize| match i.checked_sub(*owned) {
             None => lists.outbox_slot(i),
@@ -231,8 +237,8 @@ impl Forces {
             local.ghost_sources.clear();
             local.ghost_sources.extend(block.ghosts.iter().map(|&i| source(i as usize)));
         }
-        let Forces { kernel, parameters, lists, bounds, block_bodies, sizes, .. } = self;
-        let law = kernel.law();
+        let Forces { laws, parameters, lists, bounds, block_bodies, sizes, .. } = self;
+        let law = laws.first().law();
         let load_bodies = |(blocks, block_bodies): BlockParts, ()| {
             block_bodies[0].load(&blocks[0], (bodies, sizes), width);
             block_bodies[0].pick_near(&mut blocks[0], &law, &parameters.walls);
@@ -270,9 +276,9 @@ impl Forces {
 
     /// From now on evaluates contacts up to `gap` (m). The lists must cover that gap.
     pub fn evaluate_within(&mut self, gap: f64) {
-        self.kernel.set_cutoff(gap);
-        let Forces { kernel, parameters, lists, bounds, block_bodies, .. } = self;
-        let law = kernel.law();
+        self.laws.set_cutoff(gap);
+        let Forces { laws, parameters, lists, bounds, block_bodies, .. } = self;
+        let law = laws.first().law();
         let pick = |(blocks, block_bodies): BlockParts, ()| {
             block_bodies[0].pick_near(&mut blocks[0], &law, &parameters.walls)
         };
@@ -286,8 +292,8 @@ impl Forces {
 
     /// Moves the owned bodies to `y`, in all blocks. The ghosts of the rank must be up to date.
     pub fn put(&mut self, y: &[f64]) {
-        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, ghosts, width, .. } = self;
-        let (law, width) = (kernel.law(), *width);
+        let Forces { laws, parameters, lists, bounds, block_bodies, outboxes, ghosts, width, .. } = self;
+        let (law, width) = (laws.first().law(), *width);
         let own = ((&mut lists.blocks[..], &mut block_bodies[..]), &mut outboxes[..]);
         let put = |((blocks, block_bodies), outboxes): WithOutbox, ()| {
             let range = blocks[0].range.start * width..blocks[0].range.end * width;
@@ -319,34 +325,41 @@ impl Forces {
 
     /// The sizes of the particles by local index.
     pub fn sizes(&self) -> Sizes<'_> {
-        sizes_of(&self.sizes, &*self.kernel, &self.parameters)
+        sizes_of(&self.sizes, self.laws.first(), &self.parameters)
     }
 
     /// What the squared distance that a particle moves is multiplied by, see [`squared_scale`]. `i` is its
     /// local index.
     pub fn squared_scale(&self, i: usize) -> f64 {
-        squared_scale(&self.sizes, i, self.kernel.law().r)
+        squared_scale(&self.sizes, i, self.law().r)
     }
 
-    /// What a wall does to a body with the radius `r` (m); nothing beyond the cutoff. A wall is a motionless
-    /// partner with n = -n_k.
-    fn wall_action(&self, wall: &Wall, body: &[f64], r: f64) -> Option<Action> {
-        let law = self.kernel.law();
+    /// The parameters of the law that all classes of contacts share, with the cutoff in use. The coefficients
+    /// are those of the first class.
+    pub fn law(&self) -> LawParameters {
+        self.laws.first().law()
+    }
+
+    /// What a wall does to a body with the radius `r` (m) by the law of a `class`; nothing beyond the cutoff.
+    /// A wall is a motionless partner with n = -n_k.
+    fn wall_action(&self, class: usize, wall: &Wall, body: &[f64], r: f64) -> Option<Action> {
+        let kernel = self.laws.of(class);
         let gap = wall.depth(&position(body)) - r;
-        let action = || self.kernel.action(gap, &-wall.normal, &velocity(body), &spin(body));
-        (gap <= law.l_max).then(action)
+        let action = || kernel.action(gap, &-wall.normal, &velocity(body), &spin(body));
+        (gap <= kernel.law().l_max).then(action)
     }
 
-    /// What the contact of a pair does to its first particle, `a`. `surfaces` (m) is the sum of the radii.
-    fn pair_action(&self, a: &[f64], b: &[f64], surfaces: f64) -> Action {
-        let law = self.kernel.law();
+    /// What the contact of a pair of a `class` does to its first particle, `a`. `surfaces` (m) is the sum of
+    /// the radii.
+    fn pair_action(&self, class: usize, a: &[f64], b: &[f64], surfaces: f64) -> Action {
+        let kernel = self.laws.of(class);
         let apart = position(a) - position(b);
         let d = apart.norm();
         let gap = d - surfaces;
-        if gap > law.l_max {
+        if gap > kernel.law().l_max {
             return Action::none();
         }
-        self.kernel.action(gap, &(apart / d), &(velocity(a) - velocity(b)), &(spin(a) + spin(b)))
+        kernel.action(gap, &(apart / d), &(velocity(a) - velocity(b)), &(spin(a) + spin(b)))
     }
 
     /// Largest magnitude of each of the two numbers of `measure`, over all contacts of the current bodies.
@@ -375,19 +388,24 @@ impl Forces {
         take: impl Fn(A, [f64; 2]) -> A + Sync,
         combine: impl Fn(A, A) -> A + Sync,
     ) -> A {
-        let Forces { kernel, parameters, lists, bounds, block_bodies, set, width, .. } = self;
+        let Forces { laws, parameters, lists, bounds, block_bodies, set, width, .. } = self;
         let work = |(blocks, block_bodies): (&[Block], &mut [BlockBodies]), ()| {
             let BlockBodies { bodies, sizes, batch, memories, .. } = &mut block_bodies[0];
             let mut sum = identity;
             let (walls, block, width) = (&parameters.walls[..], &blocks[0], *width);
-            let sizes = sizes_of(sizes, &**kernel, parameters);
-            let survey = Survey { walls, bodies, sizes, width, block, batch, memories };
-            let take = &mut |[first, second]: [&[f64]; 2]| {
-                sum = first.iter().zip(second).fold(sum, |sum, (&first, &second)| take(sum, [first, second]));
-            };
-            match &measure {
-                Measure::Gap(gap) => measure_gaps(*set, survey, gap, take),
-                Measure::Dissipation => kernel.measure_dissipation(survey, take),
+            let sizes = sizes_of(sizes, laws.first(), parameters);
+            for class in 0..laws.count() {
+                let (kernel, batch) = (laws.of(class), &mut *batch);
+                let survey = Survey { walls, bodies, sizes, width, block, class, batch, memories };
+                let take = &mut |[first, second]: [&[f64]; 2]| {
+                    let numbers = first.iter().zip(second);
+                    sum = numbers.fold(sum, |sum, (&first, &second)| take(sum, [first, second]));
+                };
+                match &measure {
+                    Measure::Gap(gap) => measure_gaps(*set, survey, gap, take),
+                    Measure::Stored => measure_gaps(*set, survey, &kernel.stored_energy(), take),
+                    Measure::Dissipation => kernel.measure_dissipation(survey, take),
+                }
             }
             sum
         };
@@ -400,20 +418,26 @@ impl Forces {
         self.lists.blocks.iter().zip(&self.block_bodies).flat_map(move |(block, local)| {
             let body = |slot: u32| local.body(slot as usize);
             let r = move |slot: u32| self.sizes().of(block.index(slot)).r;
-            let pairs = block.pairs.iter().filter(|[i, _]| block.owns(*i));
-            let action = move |i: u32, j: u32| self.pair_action(body(i), body(j), r(i) + r(j));
-            let pairs = pairs.filter(move |&&[i, j]| !finite(&action(i, j)));
-            let pairs = pairs.map(move |&[i, j]| {
+            let pairs = block.pairs.iter().enumerate().filter(|(_, [i, _])| block.owns(*i));
+            let action = move |place: usize, i: u32, j: u32| {
+                self.pair_action(block.class_of(place), body(i), body(j), r(i) + r(j))
+            };
+            let pairs = pairs.filter(move |&(place, &[i, j])| !finite(&action(place, i, j)));
+            let pairs = pairs.map(move |(_, &[i, j])| {
                 let apart = position(body(i)) - position(body(j));
                 Broken::Pair(block.index(i), block.index(j), apart.norm())
             });
-            let walls =
-                block.walls.iter().map(move |&[i, k]| (i, k as usize, &self.parameters.walls[k as usize]));
-            let walls = walls.filter(move |(i, _, wall)| {
-                self.wall_action(wall, body(*i), r(*i)).is_some_and(|action| !finite(&action))
+            let walls = block.walls.iter().enumerate().filter(move |&(place, &[i, k])| {
+                let (class, wall) =
+                    (block.class_of(block.pairs.len() + place), &self.parameters.walls[k as usize]);
+                self.wall_action(class, wall, body(i), r(i)).is_some_and(|action| !finite(&action))
             });
-            let overlap = move |i: u32, wall: &Wall| r(i) - wall.depth(&position(body(i)));
-            pairs.chain(walls.map(move |(i, k, wall)| Broken::Wall(block.index(i), k, overlap(i, wall))))
+            let overlap =
+                move |i: u32, k: u32| r(i) - self.parameters.walls[k as usize].depth(&position(body(i)));
+            let of_wall = move |(_, &[i, k]): (usize, &[u32; 2])| {
+                Broken::Wall(block.index(i), k as usize, overlap(i, k))
+            };
+            pairs.chain(walls.map(of_wall))
         })
     }
 
@@ -445,5 +469,6 @@ impl Forces {
             + outboxes * size_of::<f64>()
             + self.exports.capacity() * size_of::<OutboxSlot>()
             + self.sizes.capacity() * size_of::<Size>()
+            + self.materials.capacity() * size_of::<u32>()
     }
 }

@@ -28,7 +28,8 @@
 use super::block_bodies::{BlockBodies, allowed, furthest};
 use super::memory::ByRows;
 use super::{BlockParts, BodyParameters, Forces, WithOutbox, each_block, sizes_of};
-use crate::engine::kernel::{Inertia, Kernel, Memories, Sweep};
+use crate::engine::contact_classes::part;
+use crate::engine::kernel::{Inertia, Kernel, Laws, Memories, Sweep};
 use crate::engine::neighbors::{BATCH, Block};
 use crate::math::larger;
 use crate::math::vector::Vec3;
@@ -73,8 +74,10 @@ fn rates_of<'a>(bounds: &'a [usize], rates: &'a mut [f64], kernel: &dyn Kernel) 
     ByRows { bounds, items: Rows::new(rates, kernel.memory().max(1)) }
 }
 
-/// What is the same for all particles: kernel, inertia and walls.
+/// What is the same for all particles: laws, inertia and walls.
 struct Field<'a> {
+    laws: &'a Laws,
+    /// The kernel for what is the same in all classes of contacts.
     kernel: &'a dyn Kernel,
     parameters: &'a BodyParameters,
     inertia: Inertia,
@@ -85,9 +88,10 @@ struct Field<'a> {
 }
 
 impl<'a> Field<'a> {
-    fn new(kernel: &'a dyn Kernel, parameters: &'a BodyParameters) -> Self {
+    fn new(laws: &'a Laws, parameters: &'a BodyParameters) -> Self {
+        let kernel = laws.first();
         let r = kernel.law().r;
-        Field { kernel, parameters, inertia: parameters.inertia(r), r, allowed: allowed(r) }
+        Field { laws, kernel, parameters, inertia: parameters.inertia(r), r, allowed: allowed(r) }
     }
 }
 
@@ -156,33 +160,40 @@ impl Field<'_> {
         local.export(block, outbox);
     }
 
-    /// Adds forces and torques of walls to `slopes`, which belong to the own particles with slots in `part`.
+    /// Adds forces and torques of walls to `slopes`, which belong to the own particles with these `slots`.
     ///
     /// Takes the near walls of the block if `near` says that they hold, else all listed walls.
     fn add_walls(
         &self,
         near: bool,
         (block, local): (&Block, &mut BlockBodies),
-        part: Range<usize>,
+        slots: Range<usize>,
         slopes: &mut [f64],
         rates: &mut [f64],
     ) {
-        let (contacts, rows) =
-            if near { (&block.near_walls, &block.near_wall_rows) } else { (&block.walls, &block.wall_rows) };
-        let before = |end: usize| contacts.partition_point(|contact| (contact[0] as usize) < end);
-        let within = before(part.start)..before(part.end);
-        let rows = if rows.is_empty() { &[][..] } else { &rows[within.clone()] };
-        let contacts = &contacts[within];
+        let (contacts, rows, ends) = if near {
+            (&block.near_walls[..], &block.near_wall_rows, &block.ends.near_walls)
+        } else {
+            (&block.walls[..], &block.wall_rows, &block.ends.walls)
+        };
         let BlockBodies { bodies, sizes, batch, width, memories, .. } = local;
-        let memories = Memories { rows, states: memories, rates };
-        let bodies = &bodies[part.start * *width..part.end * *width];
-        let sizes = sizes_of(sizes, self.kernel, self.parameters).from(part.start);
-        self.kernel.add_walls(
-            part.start,
-            contacts,
-            &self.parameters.walls,
-            Sweep { bodies, sizes, batch, slopes, memories },
-        );
+        let bodies = &bodies[slots.start * *width..slots.end * *width];
+        let sizes = sizes_of(sizes, self.kernel, self.parameters).from(slots.start);
+        for class in 0..self.laws.count() {
+            let all = part(ends, class, contacts.len());
+            let of_class = &contacts[all.clone()];
+            let before =
+                |end: usize| all.start + of_class.partition_point(|contact| (contact[0] as usize) < end);
+            let within = before(slots.start)..before(slots.end);
+            if within.is_empty() {
+                continue;
+            }
+            let rows = if rows.is_empty() { &[][..] } else { &rows[within.clone()] };
+            let memories = Memories { rows, states: memories, rates: &mut *rates };
+            let sweep = Sweep { bodies, sizes, batch: &mut *batch, slopes: &mut *slopes, memories };
+            let walls = &self.parameters.walls;
+            self.laws.of(class).add_walls(slots.start, &contacts[within], walls, sweep);
+        }
     }
 
     /// Starts the slopes of all own particles again, with the velocities of their bodies and with near walls.
@@ -195,8 +206,12 @@ impl Field<'_> {
 /// How far the sums over the near pairs of a block have come.
 #[derive(Default)]
 struct Pairs {
+    /// The class of the pairs that come next.
+    class: usize,
     /// Number of batches that have been evaluated.
     batches: usize,
+    /// Number of pairs that have been evaluated.
+    pairs: usize,
     /// Own particles with slots below this one have their accelerations.
     done: usize,
     /// Number of evaluated pairs within `l_max` whose first particle is an own one.
@@ -218,22 +233,34 @@ impl Pairs {
     ) {
         let Block { near, near_rows, horizon, .. } = block;
         loop {
-            let ready = horizon[self.batches..].iter().take(BATCHES);
+            let end = block.near_of(self.class).end;
+            let left = (end - self.pairs).div_ceil(BATCH).min(BATCHES);
+            let ready = horizon[self.batches..].iter().take(left);
             let ready = ready.take_while(|&&horizon| horizon as usize <= limit).count();
             if ready > 0 {
-                let range = self.batches * BATCH..near.len().min((self.batches + ready) * BATCH);
+                let range = self.pairs..end.min(self.pairs + ready * BATCH);
                 let pairs = &near[range.clone()];
                 let rows = if near_rows.is_empty() { &[][..] } else { &near_rows[range] };
                 let BlockBodies { bodies, sizes, batch, memories, .. } = &mut *local;
                 let memories = Memories { rows, states: memories, rates: &mut *rates };
                 let sizes = sizes_of(sizes, field.kernel, field.parameters);
                 let sweep = Sweep { bodies, sizes, batch, slopes: &mut *slopes, memories };
-                self.count += field.kernel.add_pairs(pairs, sweep);
+                self.count += field.laws.of(self.class).add_pairs(pairs, sweep);
                 self.batches += ready;
+                self.pairs += pairs.len();
             }
-            // Pairs are sorted by their first particles. So own particles before the first particle of the
+            if self.class + 1 < field.laws.count() {
+                // Own particles may have partners in a class that follows.
+                if self.pairs == end {
+                    self.class += 1;
+                } else if ready < BATCHES {
+                    return;
+                }
+                continue;
+            }
+            // Pairs of the last class are sorted by their first particles. So own particles before the first particle of the
             // next pair have met all of their partners. Where that one is a ghost, its slot is of no use.
-            let next = near.get(self.batches * BATCH).map(|pair| pair[0]);
+            let next = near.get(self.pairs).map(|pair| pair[0]);
             if next.is_none_or(|next| block.owns(next)) {
                 let end = next.map_or(limit, |next| limit.min(next as usize)).max(self.done);
                 let width = local.width;
@@ -260,13 +287,12 @@ impl Forces {
     /// `vectors` and `dydt` belong to the owned particles, by local index, `rates` to the memories of
     /// contacts, which are made already. Without exports nothing is done here.
     pub fn begin_stage(&mut self, maker: StageMaker, vectors: Vectors, dydt: &mut [f64], rates: &mut [f64]) {
-        let Forces { kernel, parameters, lists, bounds, block_bodies, outboxes, row_bounds, width, .. } =
-            self;
+        let Forces { laws, parameters, lists, bounds, block_bodies, outboxes, row_bounds, width, .. } = self;
         let outboxes = &mut outboxes[..];
         if outboxes.iter().all(Vec::is_empty) {
             return;
         }
-        let field = Field::new(&**kernel, parameters);
+        let field = Field::new(laws, parameters);
         let work = move |(((blocks, block_bodies), outboxes), rates): (WithOutbox, Rates), rows: Items| {
             let (block, local) = (&blocks[0], &mut block_bodies[0]);
             let (front, rows) = rows.cut(block.interior.start);
@@ -274,7 +300,7 @@ impl Forces {
             field.export(maker, (block, local), &mut outboxes[0], [front, back], rates.items.numbers);
         };
         let own = ((&mut lists.blocks[..], &mut block_bodies[..]), outboxes);
-        let own = (own, rates_of(row_bounds, rates, &**kernel));
+        let own = (own, rates_of(row_bounds, rates, laws.first()));
         each_block(bounds, own, (Rows::new(dydt, *width), vectors), &work, &|(), ()| ());
     }
 
@@ -289,8 +315,8 @@ impl Forces {
         rates: &mut [f64],
     ) {
         self.ahead = AHEAD;
-        let Forces { kernel, parameters, lists, bounds, block_bodies, row_bounds, width, .. } = self;
-        let field = Field::new(&**kernel, parameters);
+        let Forces { laws, parameters, lists, bounds, block_bodies, row_bounds, width, .. } = self;
+        let field = Field::new(laws, parameters);
         let work = move |((blocks, block_bodies), rates): (BlockParts, Rates), rows: Items| {
             let (block, local) = (&blocks[0], &mut block_bodies[0]);
             let Range { start, end } = block.interior;
@@ -300,7 +326,7 @@ impl Forces {
         };
         each_block(
             bounds,
-            ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates, &**kernel)),
+            ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates, laws.first())),
             (Rows::new(dydt, *width), vectors),
             &work,
             &|(), ()| (),
@@ -325,18 +351,9 @@ impl Forces {
     ) -> (u64, [f64; 2]) {
         let ahead = std::mem::take(&mut self.ahead);
         let Forces {
-            kernel,
-            parameters,
-            lists,
-            bounds,
-            block_bodies,
-            outboxes,
-            ghosts,
-            row_bounds,
-            width,
-            ..
+            laws, parameters, lists, bounds, block_bodies, outboxes, ghosts, row_bounds, width, ..
         } = self;
-        let (field, law) = (Field::new(&**kernel, parameters), kernel.law());
+        let (field, law) = (Field::new(laws, parameters), laws.first().law());
         let (outboxes, ghosts) = (&outboxes[..], &ghosts[..]);
         let work = move |((blocks, block_bodies), rates): (BlockParts, Rates), (slopes, items): Items| {
             let rates = rates.items.numbers;
@@ -376,7 +393,7 @@ impl Forces {
         let both = |a: (u64, [f64; 2]), b: (u64, [f64; 2])| {
             (a.0 + b.0, [larger(a.1[0], b.1[0]), larger(a.1[1], b.1[1])])
         };
-        let own = ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates, &**kernel));
+        let own = ((&mut lists.blocks[..], &mut block_bodies[..]), rates_of(row_bounds, rates, laws.first()));
         each_block(bounds, own, (Rows::new(dydt, *width), vectors), &work, &both)
     }
 }

@@ -23,6 +23,8 @@ pub struct Survey<'a> {
     pub width: usize,
     /// The block with its lists: near pairs and all listed walls are measured.
     pub block: &'a Block,
+    /// Only contacts of this class are measured.
+    pub class: usize,
     /// Scratch memory.
     pub batch: &'a mut Batch,
     /// Memories of the contacts of the block, row after row; empty where the law has none.
@@ -68,11 +70,11 @@ impl Vectorised for Gaps<'_> {
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        let Gaps(Survey { walls, bodies, sizes, width, block, batch, .. }, measure, take) = self;
+        let Gaps(Survey { walls, bodies, sizes, width, block, class, batch, .. }, measure, take) = self;
         let r = |slot: u32| sizes.of(slot as usize).r;
         let share = matches!(measure, GapMeasure::Share);
         let x = |slot: u32| position(&bodies[slot as usize * width..]);
-        for pairs in block.near.chunks(BATCH) {
+        for pairs in block.near[block.near_of(class)].chunks(BATCH) {
             for (k, &[i, j]) in pairs.iter().enumerate() {
                 batch.put_normal(k, &(x(i) - x(j)));
                 batch.surfaces[k] = r(i) + r(j);
@@ -86,7 +88,7 @@ impl Vectorised for Gaps<'_> {
             }
             take_owned(block, pairs, batch, take);
         }
-        for contacts in block.walls.chunks(BATCH) {
+        for contacts in block.walls[block.walls_of(class)].chunks(BATCH) {
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 batch.gap[k] = walls[wall as usize].depth(&x(i)) - r(i);
             }
@@ -108,14 +110,16 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
     type Output = ();
     #[inline(always)]
     fn work<L: Lanes>(self) {
-        let Power(law, Survey { walls, bodies, sizes, block, batch, memories, .. }, take) = self;
+        let Power(law, Survey { walls, bodies, sizes, block, class, batch, memories, .. }, take) = self;
         let (bodies, energies) = (rows::<N>(bodies), law.energies());
         let resistance = law.tangential.resistance();
         let memory = resistance.map_or(SHEAR, Resistance::memory);
-        let is_alike = alike::<T>(sizes, Partner::Sphere, block.near.len(), batch);
-        for (chunk, pairs) in block.near.chunks(BATCH).enumerate() {
+        let part = block.near_of(class);
+        let is_alike = alike::<T>(sizes, Partner::Sphere, part.len(), batch);
+        for (chunk, pairs) in block.near[part.clone()].chunks(BATCH).enumerate() {
             if T::REMEMBERS {
-                batch.put_memories(&block.near_rows[chunk * BATCH..][..pairs.len()], memories, memory);
+                let rows = &block.near_rows[part.start + chunk * BATCH..][..pairs.len()];
+                batch.put_memories(rows, memories, memory);
             }
             batch.gather::<L, N>(bodies, pairs);
             if let Sizes::Each(sizes) = sizes {
@@ -140,10 +144,12 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
             }
             take_owned(block, pairs, batch, take);
         }
-        let is_alike = alike::<T>(sizes, Partner::Wall, block.walls.len(), batch);
-        for (chunk, contacts) in block.walls.chunks(BATCH).enumerate() {
+        let part = block.walls_of(class);
+        let is_alike = alike::<T>(sizes, Partner::Wall, part.len(), batch);
+        for (chunk, contacts) in block.walls[part.clone()].chunks(BATCH).enumerate() {
             if T::REMEMBERS {
-                batch.put_memories(&block.wall_rows[chunk * BATCH..][..contacts.len()], memories, memory);
+                let rows = &block.wall_rows[part.start + chunk * BATCH..][..contacts.len()];
+                batch.put_memories(rows, memories, memory);
             }
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize], &walls[wall as usize]);

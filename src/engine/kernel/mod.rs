@@ -30,10 +30,12 @@ use crate::model::size::{Size, Sizes, squared_scale};
 use crate::model::wall::Wall;
 pub use batch::Batch;
 pub use closing::{Closing, for_closing_pairs};
+pub use laws::{Laws, MakeLaws};
 pub use measure::{GapMeasure, Survey, Take, measure_gaps};
 
 mod batch;
 mod closing;
+mod laws;
 mod measure;
 
 /// What turns forces and torques into accelerations.

@@ -253,7 +253,7 @@ fn remembered(kernel: &dyn Kernel, all_sizes: &[Size], blocks: usize) -> Remembe
         (block.near_rows, block.wall_rows) = (of_pairs, of_walls);
         let batch = &mut Batch::default();
         let (walls, block, memories) = (&parameters.walls[..], &*block, &states[..]);
-        let survey = Survey { walls, bodies, sizes, width, block, batch, memories };
+        let survey = Survey { walls, bodies, sizes, width, block, class: 0, batch, memories };
         kernel.measure_dissipation(survey, &mut |[_, friction]: [&[f64]; 2]| {
             power += friction.iter().map(|w| (w * 2f64.powi(40)).round() as i128).sum::<i128>();
         });
@@ -264,7 +264,7 @@ fn remembered(kernel: &dyn Kernel, all_sizes: &[Size], blocks: usize) -> Remembe
     (slopes, rates, power)
 }
 
-fn check_memory(resistance: [f64; 2], numbers: usize, sizes: &[Size]) {
+fn check_memory(resistance: [Option<f64>; 2], numbers: usize, sizes: &[Size]) {
     let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 0.7, mass: 2.5, resistance };
     let law = LawParameters { memory: Some(memory), ..LAW };
     let effects = Effects { variant: Variant::FrictionRotation, dissipative: true };
@@ -354,7 +354,10 @@ fn check_memory(resistance: [f64; 2], numbers: usize, sizes: &[Size]) {
 #[test]
 fn contacts_that_remember_are_summed_alike_by_any_blocks_and_sets() {
     for sizes in all_sizes() {
-        for (resistance, numbers) in [([0.0; 2], 3), ([0.05, 0.0], 6), ([0.0, 0.02], 4), ([0.05, 0.02], 7)] {
+        let (rolling, twisting) = (Some(0.05), Some(0.02));
+        for (resistance, numbers) in
+            [([None; 2], 3), ([rolling, None], 6), ([None, twisting], 4), ([rolling, twisting], 7)]
+        {
             check_memory(resistance, numbers, &sizes);
         }
     }
@@ -389,6 +392,7 @@ fn measured(kernel: &dyn Kernel, set: InstructionSet, blocks: usize, what: What)
             sizes: as_sizes(&[]),
             width,
             block,
+            class: 0,
             batch,
             memories: &[],
         };

@@ -6,10 +6,12 @@
 //!
 //! A resumed run repeats that step. So it also repeats the frames within it, wherever the run was stopped.
 
-use super::physics::scene_kernel;
+use super::physics::scene_laws;
 use super::{Physics, Progress, Simulation, cutoff, parameters};
 use crate::domain::{Comm, rows};
 use crate::engine::dynamics::{ContactRecords, Dynamics, Extremes, Particles};
+use crate::engine::forces::BodyParameters;
+use crate::engine::kernel::MakeLaws;
 use crate::error::Error;
 use crate::math::vector::Vec3;
 use crate::model::columns::Columns;
@@ -98,7 +100,7 @@ impl<'c> Simulation<'c> {
         scale: f64,
         remembered: Remembered,
     ) -> Result<Self, Error> {
-        let physics = Physics { kernel: &|set| scene_kernel(scene, set), parameters: parameters(scene) };
+        let physics: (&MakeLaws, _) = (&|set| scene_laws(scene, set), parameters(scene));
         Self::go_on(scene, physics, comm, particles, scale, remembered)
     }
 
@@ -111,6 +113,8 @@ impl<'c> Simulation<'c> {
         scale: f64,
         remembered: Remembered,
     ) -> Result<Self, Error> {
+        let Physics { kernel, parameters } = physics;
+        let physics: (&MakeLaws, _) = (&|set| kernel(set).into(), parameters);
         let mut simulation = Self::go_on(scene, physics, comm, particles, scale, remembered)?;
         simulation = simulation.without_default_cutoff(scene);
         simulation.choose_cutoff();
@@ -119,7 +123,7 @@ impl<'c> Simulation<'c> {
 
     fn go_on(
         scene: &Scene,
-        Physics { kernel, parameters }: Physics,
+        (laws, parameters): (&MakeLaws, BodyParameters),
         comm: &'c dyn Comm,
         (count, columns): (u64, Columns),
         scale: f64,
@@ -137,7 +141,7 @@ impl<'c> Simulation<'c> {
         let lists = [&mut state, &mut slope, &mut direction].into_iter().zip(known);
         let mut companions: Vec<_> = lists.filter_map(|(list, known)| known.then_some(list)).collect();
         let particles = Particles { ids: ids.clone().collect(), columns, constants, y: &mut at_origin };
-        let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut companions)?;
+        let mut dynamics = Dynamics::new(comm, laws, parameters, scale, particles, &mut companions)?;
         dynamics.remember_within(cutoff(scene, scale * dynamics.lightest()));
         let [slots, numbers] = remembered.contact_slots.map(|number| number as usize);
         let (first, vectors) = (ids.start, companions.len());

@@ -2,6 +2,8 @@
 
 use crate::domain::{Comm, rows};
 use crate::engine::dynamics::{Dynamics, Particles};
+use crate::engine::forces::BodyParameters;
+use crate::engine::kernel::MakeLaws;
 use crate::error::{Error, StopRequest};
 use crate::math::instructions::InstructionSet;
 use crate::model::columns::{Changes, Columns, SPIN, put_spins};
@@ -17,7 +19,7 @@ pub use frame_summary::FrameSummary;
 pub use memory::{Memory, Remembered, Snapshot};
 pub use observer::{Frame, Observer, Outcome};
 pub use physics::{Physics, parameters, state_vectors, tightening};
-use physics::{auto_plan, error_control, own_weights, scene_kernel};
+use physics::{auto_plan, error_control, own_weights, scene_laws};
 pub use progress::{Counts, Progress};
 use progress::{Schedule, WallClock};
 use std::time::Instant;
@@ -88,8 +90,7 @@ pub struct Simulation<'c> {
 impl<'c> Simulation<'c> {
     /// A run from the initial condition `start`, which holds all particles, on every rank. Collective.
     pub fn new(scene: &Scene, start: &InitialCondition, comm: &'c dyn Comm) -> Result<Self, Error> {
-        let physics = Physics { kernel: &|set| scene_kernel(scene, set), parameters: parameters(scene) };
-        Self::begin(scene, start, physics, comm)
+        Self::begin(scene, start, (&|set| scene_laws(scene, set), parameters(scene)), comm)
     }
 
     /// `new` with other physics than the scene's. The kernel decides whether spheres rotate.
@@ -101,7 +102,8 @@ impl<'c> Simulation<'c> {
         physics: Physics,
         comm: &'c dyn Comm,
     ) -> Result<Self, Error> {
-        let simulation = Self::begin(scene, start, physics, comm)?;
+        let Physics { kernel, parameters } = physics;
+        let simulation = Self::begin(scene, start, (&|set| kernel(set).into(), parameters), comm)?;
         Ok(simulation.without_default_cutoff(scene))
     }
 
@@ -116,20 +118,20 @@ impl<'c> Simulation<'c> {
     fn begin(
         scene: &Scene,
         start: &InitialCondition,
-        physics: Physics,
+        (laws, parameters): (&MakeLaws, BodyParameters),
         comm: &'c dyn Comm,
     ) -> Result<Self, Error> {
         let ids = rows::block(start.x.len() as u64, comm.rank(), comm.size());
         start.check_columns()?;
         start.check_sizes(scene)?;
-        let Physics { kernel, parameters } = physics;
-        let rotation = kernel(InstructionSet::Baseline).width() == SPIN.end;
+        start.check_materials(scene)?;
+        let rotation = laws(InstructionSet::Baseline).first().width() == SPIN.end;
         let (columns, mut y, constants) = start.rows(ids.clone(), rotation);
         let (sizes, r) = (columns.sizes(&constants), scene.particles.radius);
         put_spins(&mut y, columns.width(Changes::EveryStage), |i| sizes.get(i).map_or(r, |size| size.r));
         let scale = initial_condition::velocity_scale(scene, start);
         let particles = Particles { ids: ids.collect(), columns, constants, y: &mut y };
-        let mut dynamics = Dynamics::new(comm, kernel, parameters, scale, particles, &mut [])?;
+        let mut dynamics = Dynamics::new(comm, laws, parameters, scale, particles, &mut [])?;
         if scene.output.energy {
             dynamics.audit();
         }

@@ -4,7 +4,7 @@ use super::{Counts, Simulation, Snapshot};
 use crate::domain::rows::{self, ById};
 use crate::engine::dynamics::{Clocks, Overlap};
 use crate::error::{Error, StopRequest};
-use crate::model::columns::{Changes, Column, Columns, MASS, RADIUS, put_angular_velocities};
+use crate::model::columns::{Changes, Column, Columns, MASS, MATERIAL, RADIUS, put_angular_velocities};
 use crate::model::size::Size;
 use crate::ode::Dissipation;
 use crate::scene::stop::Rest;
@@ -53,6 +53,16 @@ impl Frame<'_> {
         }
         let [radii, masses] = [RADIUS, MASS].map(|name| self.constants.columns(self.range(name)));
         radii.into_iter().zip(masses).map(|(r, mass)| Size::new(r, mass)).collect()
+    }
+
+    /// The numbers of the materials of the particles in `rows`; empty where nobody has one.
+    pub fn materials(&self) -> Vec<u32> {
+        match self.columns.find(MATERIAL) {
+            None => Vec::new(),
+            Some((_, range)) => {
+                self.constants.columns(range).into_iter().map(|number| number as u32).collect()
+            }
+        }
     }
 
     fn range(&self, name: &str) -> Range<usize> {

@@ -3,13 +3,14 @@
 use super::tolerance::tolerance;
 use crate::engine::dynamics::Dynamics;
 use crate::engine::forces::BodyParameters;
-use crate::engine::kernel::{Kernel, kernel};
+use crate::engine::kernel::{Kernel, Laws, kernel};
 use crate::math::instructions::InstructionSet;
+use crate::math::larger;
 use crate::model::columns::{Changes, Columns};
 use crate::model::effects::{Effects, Variant};
 use crate::ode::integrator::{AutoPlan, Integrator};
 use crate::ode::{DORMAND_PRINCE, MERSON, MethodName, Norm, NormName, StepControl, StepRule};
-use crate::scene::{Scene, effects};
+use crate::scene::{Scene, effects, materials};
 
 /// Steps longer than this over the frequency of a contact are long, see `StepControl::long`.
 const LONG: f64 = 0.2;
@@ -22,9 +23,11 @@ pub struct Physics<'a> {
     pub parameters: BodyParameters,
 }
 
-/// The kernel with the effects of the scene.
-pub(super) fn scene_kernel(scene: &Scene, set: InstructionSet) -> Box<dyn Kernel> {
-    kernel(Effects::of(scene), effects::law(scene), set)
+/// The laws with the effects of the scene: one kernel for every class of contacts.
+pub(super) fn scene_laws(scene: &Scene, set: InstructionSet) -> Laws {
+    let (laws, classes) = materials::laws(scene);
+    let effects = Effects::of(scene);
+    Laws::new(laws.into_iter().map(|law| kernel(effects, law, set)).collect(), classes)
 }
 
 /// What acts on the particles besides their contacts.
@@ -59,9 +62,11 @@ pub(super) fn error_control(
         // The memory of a contact with the typical force m v^2/r is compared with its limit. In the published
         // norm the shear counts as a length.
         let typical = memory.mass * scale * scale / (r * law.f_0);
-        let elements = scene_kernel(scene, InstructionSet::Baseline);
-        let weights_of = elements.elements().iter().flat_map(|(numbers, element)| {
-            let weight = if paper { element.full } else { 1.0 / typical.sqrt() };
+        let laws = scene_laws(scene, InstructionSet::Baseline);
+        // Of several classes the longest shear: no error counts for less than it is.
+        let full = |k: usize| laws.elements().map(|elements| elements[k].1.full).fold(0.0, larger);
+        let weights_of = laws.first().elements().iter().enumerate().flat_map(|(k, (numbers, _))| {
+            let weight = if paper { full(k) } else { 1.0 / typical.sqrt() };
             std::iter::repeat_n(weight, *numbers)
         });
         weights.push(weights_of.collect());

@@ -22,7 +22,7 @@ const LEAST: f64 = 1e-9;
 /// sphere of many errs far less than the worst.
 pub fn friction_tolerance(scene: &Scene, scale: f64, count: u64) -> f64 {
     let heavy = scene.gravity != [0.0; 3];
-    let braked = scene.friction.as_ref().filter(|f| f.law == FrictionLaw::Regularized && f.coefficient > 0.0);
+    let braked = scene.friction.as_ref().filter(|f| f.law == FrictionLaw::Regularized && scene.rubs());
     match braked.and_then(|friction| friction.regularization_velocity) {
         Some(v_min) if heavy && count > 0 && scene.solver.norm != NormName::Paper => {
             let share = v_min / scale;

@@ -37,7 +37,7 @@ use claim::{Fate, Watch};
 use frames::Frames;
 use pace::Pace;
 
-pub use reopen::{Found, Species, first_frame, frame, inspect, prepare, sizes, whole_frame};
+pub use reopen::{Bodies, Found, Species, bodies, first_frame, frame, inspect, prepare, whole_frame};
 
 /// Description of a run, which is written once as attributes of `/run`.
 #[derive(Debug, Clone, PartialEq)]

@@ -14,7 +14,7 @@ use super::collective::{Transfer, begin_behind_the_end};
 use super::frames::{largest_growth, options};
 use super::run_group::put_scene;
 use crate::domain::Solo;
-use crate::model::columns::{Changes, Column, MASS, RADIUS, SPECIES};
+use crate::model::columns::{Changes, Column, MASS, MATERIAL, RADIUS, SPECIES};
 use crate::model::size::Size;
 use crate::scene::initial_condition::InitialCondition;
 
@@ -95,9 +95,18 @@ pub fn frame(file: &File, k: u64, count: u64) -> Result<InitialCondition, String
     Ok(InitialCondition { x, v, omega, ..InitialCondition::default() })
 }
 
-/// The sizes of all `count` particles, none where all are alike, and their species, if they have any: names,
-/// and the number of the name of each.
-pub fn sizes(file: &File, count: u64) -> Result<(Vec<Size>, Option<Species>), String> {
+/// What the file holds once about all particles.
+pub struct Bodies {
+    /// The size of each; none where all are alike.
+    pub sizes: Vec<Size>,
+    /// Their species, if they have any.
+    pub species: Option<Species>,
+    /// The number of the material of each in the scene; none where nobody has a material.
+    pub materials: Vec<u32>,
+}
+
+/// What the file holds about its `count` particles: sizes, species and materials.
+pub fn bodies(file: &File, count: u64) -> Result<Bodies, String> {
     let columns = constants(file, count).map_err(say)?;
     let find = |name: &str| columns.iter().find(|(column, _)| column.name == name);
     let species = find(SPECIES).map(|(column, numbers)| Species {
@@ -108,7 +117,8 @@ pub fn sizes(file: &File, count: u64) -> Result<(Vec<Size>, Option<Species>), St
         (Some((_, r)), Some((_, mass))) => r.iter().zip(mass).map(|(&r, &mass)| Size::new(r, mass)).collect(),
         _ => Vec::new(),
     };
-    Ok((sizes, species))
+    let materials = find(MATERIAL).map(|(_, numbers)| numbers.iter().map(|&number| number as u32).collect());
+    Ok(Bodies { sizes, species, materials: materials.unwrap_or_default() })
 }
 
 /// The species of the particles of a run.

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::InitialCondition;
 use super::sizes::{column, mass_of, mean};
-use crate::model::columns::{Column, MASS, RADIUS, SPECIES};
+use crate::model::columns::{Column, MASS, MATERIAL, RADIUS, SPECIES};
 use crate::scene::Scene;
 use crate::scene::species::Mixture;
 
@@ -21,7 +21,7 @@ const STREAM: u64 = 1;
 pub(super) fn columns(scene: &Scene, count: u64, seed: u64) -> Vec<(Column, Vec<f64>)> {
     let Some(mixture) = Mixture::of(scene) else { return Vec::new() };
     let alike = mixture.is_alike();
-    if alike && mixture.parts.len() == 1 {
+    if alike && mixture.parts.len() == 1 && scene.material.is_empty() {
         return Vec::new();
     }
     let mut spheres: Vec<(u32, f64)> = Vec::with_capacity(count as usize);
@@ -30,8 +30,14 @@ pub(super) fn columns(scene: &Scene, count: u64, seed: u64) -> Vec<(Column, Vec<
     }
     shuffle(&mut spheres, scene.particles.species_seed.unwrap_or(seed));
     let names = mixture.parts.iter().map(|part| part.name.clone()).collect();
-    let species = spheres.iter().map(|&(k, _)| f64::from(k)).collect();
+    let species: Vec<f64> = spheres.iter().map(|&(k, _)| f64::from(k)).collect();
+    let materials =
+        scene.species.iter().map(|species| species.material.clone().unwrap_or_default()).collect();
+    let made_of = (Column { names: materials, ..column(MATERIAL, "1") }, species.clone());
     let mut columns = vec![(Column { names, ..column(SPECIES, "1") }, species)];
+    if scene.species.iter().any(|species| species.material.is_some()) {
+        columns.push(made_of);
+    }
     if !alike {
         let mass = |&(k, r): &(u32, f64)| mass_of(r, mixture.parts[k as usize].density);
         columns.push((column(RADIUS, "m"), spheres.iter().map(|&(_, r)| r).collect()));
@@ -100,7 +106,7 @@ mod tests {
         [SPECIES, RADIUS, MASS].map(|name| start.column(name).unwrap_or_default().to_vec())
     }
 
-    const MIXED: &str = "{ name = 'fine', share = 0.6, radius = { lognormal = [0.03, 0.3] } },
+    const MIXED: &str = "{ name = 'fine', share = 0.6, radius = { lognormal = [0.03, 0.3, 0.007, 0.12] } },
                          { name = 'coarse', share = 0.4, density = 2000, radius = { uniform = [0.1, 0.2] } }";
 
     #[test]

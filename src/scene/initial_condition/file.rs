@@ -11,13 +11,13 @@ use super::InitialCondition;
 use super::header::{renamed, unread};
 use super::sizes::{COLUMNS, DENSITY, column};
 use crate::error::Error;
-use crate::model::columns::{Column, MASS, SPECIES};
+use crate::model::columns::{Column, MASS, MATERIAL, SPECIES};
 use crate::scene::{Scene, brief, shown};
 
 /// Largest number of rows that a run may read.
 const MOST_ROWS: usize = 1_000_000_000;
 
-/// Largest number of species.
+/// Largest number of species, and of materials.
 const MOST_SPECIES: usize = 1000;
 
 /// The three columns of a vector. They must be given together.
@@ -44,7 +44,9 @@ pub fn read_csv(scene: &Scene, scene_folder: &Path) -> Result<InitialCondition, 
     let Some(file) = &scene.particles.file else {
         return Err(Error::Input("particles.file is missing: there is no CSV file to read".to_owned()));
     };
-    read_table(file, scene_folder, scene.rotates())
+    let mut start = read_table(file, scene_folder, scene.rotates())?;
+    start.settle_materials(scene)?;
+    Ok(start)
 }
 
 /// `read_csv` for the `file` of a scene that may have rotation.
@@ -124,6 +126,9 @@ impl Table<'_> {
         start.columns.extend(sizes.iter().map(|(name, unit, _)| (column(name, unit), Vec::new())));
         let species = self.column_of(&header, header_line, SPECIES)?;
         let (mut names, mut numbers) = (Vec::<String>::new(), Vec::new());
+        let material = self.column_of(&header, header_line, MATERIAL)?;
+        // What is blank has no material.
+        let mut materials = (vec![String::new()], Vec::new());
         while self.next(&mut reader, &mut row)? {
             // Skip a line of blanks.
             if header.len() > 1 && row.len() == 1 && row[0].trim().is_empty() {
@@ -157,7 +162,10 @@ impl Table<'_> {
                 numbers.push(self.size(&row, *place, name, unit)?);
             }
             if let Some(place) = species {
-                numbers.push(self.species(&row, place, &mut names)? as f64);
+                numbers.push(self.name(&row, place, SPECIES, &mut names)? as f64);
+            }
+            if let Some(place) = material {
+                materials.1.push(self.name(&row, place, MATERIAL, &mut materials.0)? as f64);
             }
         }
         if start.x.is_empty() {
@@ -169,6 +177,10 @@ impl Table<'_> {
         }
         if species.is_some() {
             start.columns.push((Column { names, ..column(SPECIES, "1") }, numbers));
+        }
+        if material.is_some() {
+            let (names, numbers) = materials;
+            start.columns.push((Column { names, ..column(MATERIAL, "1") }, numbers));
         }
         Ok(start)
     }
@@ -184,16 +196,23 @@ impl Table<'_> {
         Ok(first)
     }
 
-    /// The index in `names` of the species of a row. A new name is added.
-    fn species(&self, row: &StringRecord, place: usize, names: &mut Vec<String>) -> Result<usize, Error> {
+    /// The index in `names` of the species or the material of a row: `what` its column is. A new name is
+    /// added.
+    fn name(
+        &self,
+        row: &StringRecord,
+        place: usize,
+        what: &str,
+        names: &mut Vec<String>,
+    ) -> Result<usize, Error> {
         let name = row[place].trim();
         if let Some(index) = names.iter().position(|other| other == name) {
             return Ok(index);
         }
         if name.is_empty() || name.contains('\n') || names.len() == MOST_SPECIES {
             let message = format!(
-                "species = \"{}\": column species needs a name on one line, and {MOST_SPECIES} names at most \
-                 in all",
+                "{what} = \"{}\": column {what} needs a name on one line, and {MOST_SPECIES} names at most in \
+                 all",
                 brief(name)
             );
             return Err(self.wrong(row, &message));

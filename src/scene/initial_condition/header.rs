@@ -2,7 +2,7 @@
 
 use super::file::{CENTRE, SPIN, VELOCITY};
 use super::sizes::COLUMNS;
-use crate::model::columns::SPECIES;
+use crate::model::columns::{MATERIAL, SPECIES};
 use crate::scene::brief;
 
 /// Names that other programs give the three vectors, in lower case and without anything but letters.
@@ -48,7 +48,7 @@ pub(super) fn renamed(header: &[String], absent: &[&str]) -> String {
 /// none.
 pub(super) fn unread(header: &[String]) -> Vec<String> {
     let vectors = [CENTRE, VELOCITY, SPIN];
-    let sizes = COLUMNS.iter().map(|(name, _)| *name).chain([SPECIES]);
+    let sizes = COLUMNS.iter().map(|(name, _)| *name).chain([SPECIES, MATERIAL]);
     let read: Vec<&str> = vectors.iter().flat_map(|columns| columns.names).chain(sizes).collect();
     let is_there = |column: &str| header.iter().any(|name| name == column);
     let described = |name: &String| {

@@ -6,6 +6,7 @@ mod draw;
 mod file;
 mod header;
 mod lattice;
+mod materials;
 mod near;
 pub mod overlaps;
 pub mod push_apart;

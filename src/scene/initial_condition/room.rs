@@ -43,7 +43,7 @@ impl Room {
     pub fn of(container: &Container, random: &Random, volume: f64, r: f64) -> Result<Room, NoRoom> {
         let mut walls = walls(container);
         let region = random.region.as_ref().map(|region| Container {
-            r#box: Some(BoxSides { min: region.min, max: region.max }),
+            r#box: Some(BoxSides { min: region.min, max: region.max, material: None }),
             wall: Vec::new(),
         });
         walls.extend(region.iter().flat_map(crate::scene::walls::walls));

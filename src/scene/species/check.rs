@@ -187,6 +187,18 @@ fn radii(
         )),
         () => Ok(()),
     };
+    let leaves = |name: &str, left: f64, [min, max]: [f64; 2], form: &str| {
+        // A NaN is refused as well.
+        if left >= LEAST_LEFT {
+            return Ok(());
+        }
+        wrong(format!(
+            "leaves nothing: the share {left:.1e} of the {name} distribution lies between {} m and {} m, and it \
+             must be {LEAST_LEFT} at least: it is {form}",
+            short(min),
+            short(max)
+        ))
+    };
     if let Some(range) = *uniform {
         bounds(range, "[min, max] in m, e.g. uniform = [0.05, 0.15]")?;
     }
@@ -196,19 +208,11 @@ fn radii(
             return wrong(format!("has the standard deviation {sd} m, which must be above 0: it is {form}"));
         }
         bounds([min, max], form)?;
-        let left = Distribution::Normal { mean, sd, min, max }.left();
-        // A NaN is refused as well.
-        if left.is_nan() || left < LEAST_LEFT {
-            return wrong(format!(
-                "leaves nothing: the share {left:.1e} of the normal distribution lies between {} m and {} m, \
-                 and it must be {LEAST_LEFT} at least: it is {form}",
-                short(min),
-                short(max)
-            ));
-        }
+        leaves("normal", Distribution::Normal { mean, sd, min, max }.left(), [min, max], form)?;
     }
-    if let Some([median, sigma]) = *lognormal {
-        let form = "[median in m, standard deviation of ln r], e.g. lognormal = [0.1, 0.3]";
+    if let Some([median, sigma, min, max]) = *lognormal {
+        let form = "[median, sigma, min, max] in m, with the standard deviation sigma of ln r, e.g. lognormal = \
+                    [0.1, 0.3, 0.05, 0.2]";
         if !median.is_normal() || median <= 0.0 {
             return wrong(format!("has the median {median} m, which must be above 0: it is {form}"));
         }
@@ -217,6 +221,8 @@ fn radii(
                 "has sigma {sigma}, which must be above 0 and {LARGEST_SIGMA} at most: it is {form}"
             ));
         }
+        bounds([min, max], form)?;
+        leaves("lognormal", Distribution::Lognormal { median, sigma, min, max }.left(), [min, max], form)?;
     }
     if let Some(rows) = points {
         let form = "[[radius in m, share of the mass below it], ...], whose shares must rise from 0 to 1, \

@@ -46,12 +46,16 @@ pub enum Distribution {
         /// The largest radius.
         max: f64,
     },
-    /// ln r has a normal distribution.
+    /// ln r has a normal distribution, which is cut off.
     Lognormal {
-        /// Median.
+        /// Median of the whole distribution.
         median: f64,
-        /// Standard deviation of ln r.
+        /// Standard deviation of ln r of the whole distribution.
         sigma: f64,
+        /// The least radius.
+        min: f64,
+        /// The largest radius.
+        max: f64,
     },
     /// A sieve curve, whose mass is spread evenly over the radii between two points.
     Sieve(Curve),
@@ -144,6 +148,28 @@ fn standard(r: f64, mean: f64, sd: f64) -> f64 {
     ((r - mean) / sd).clamp(-FURTHEST, FURTHEST)
 }
 
+/// A radius in standard deviations of ln r above the median.
+fn standard_log(r: f64, median: f64, sigma: f64) -> f64 {
+    ((r / median).ln() / sigma).clamp(-FURTHEST, FURTHEST)
+}
+
+/// The mean of (r/median)^k over a lognormal distribution that is cut off at two radii.
+fn log_moment(k: f64, median: f64, sigma: f64, ends: [f64; 2]) -> f64 {
+    let [a, b] = ends.map(|r| standard_log(r, median, sigma));
+    let shift = k * sigma;
+    (0.5 * shift * shift).exp() * normal_between(a - shift, b - shift) / normal_between(a, b)
+}
+
+/// Standard deviations above the mean below which the share `p` of what lies between two `ends` is.
+fn quantile_between([a, b]: [f64; 2], p: f64) -> f64 {
+    let all = normal_between(a, b);
+    if a > 0.0 {
+        -normal_quantile(normal_below(-a) - p * all)
+    } else {
+        normal_quantile(normal_below(a) + p * all)
+    }
+}
+
 /// The integral of r^3 over a normal distribution from `a` to `z` standard deviations above the mean.
 fn normal_cubes(mean: f64, sd: f64, a: f64, z: f64) -> f64 {
     let [at_a, at_z] = [a, z].map(normal_density);
@@ -169,8 +195,8 @@ impl Distribution {
             Radius::Spread(Spread { normal: Some([mean, sd, min, max]), .. }) => {
                 Distribution::Normal { mean: *mean, sd: *sd, min: *min, max: *max }
             }
-            Radius::Spread(Spread { lognormal: Some([median, sigma]), .. }) => {
-                Distribution::Lognormal { median: *median, sigma: *sigma }
+            Radius::Spread(Spread { lognormal: Some([median, sigma, min, max]), .. }) => {
+                Distribution::Lognormal { median: *median, sigma: *sigma, min: *min, max: *max }
             }
             Radius::Spread(Spread { points, .. }) => {
                 Distribution::Sieve(Curve::new(points.as_deref().unwrap_or_default()))
@@ -187,7 +213,10 @@ impl Distribution {
                 let [a, b, z] = [min, max, r.clamp(min, max)].map(|r| standard(r, mean, sd));
                 normal_between(a, z) / normal_between(a, b)
             }
-            Distribution::Lognormal { median, sigma } => normal_below((r / median).ln() / sigma),
+            &Distribution::Lognormal { median, sigma, min, max } => {
+                let [a, b, z] = [min, max, r.clamp(min, max)].map(|r| standard_log(r, median, sigma));
+                normal_between(a, z) / normal_between(a, b)
+            }
             Distribution::Sieve(curve) => curve.below(r)[1] / curve.all(),
         }
     }
@@ -204,39 +233,42 @@ impl Distribution {
                 let [a, b, z] = [min, max, r.clamp(min, max)].map(|r| standard(r, mean, sd));
                 (normal_cubes(mean, sd, a, z) / normal_cubes(mean, sd, a, b)).clamp(0.0, 1.0)
             }
-            Distribution::Lognormal { median, sigma } => {
-                normal_below((r / median).ln() / sigma - 3.0 * sigma)
+            &Distribution::Lognormal { median, sigma, min, max } => {
+                // By volume ln r is normal as well, with a mean that is 3 sigma^2 higher.
+                let [a, b, z] =
+                    [min, max, r.clamp(min, max)].map(|r| standard_log(r, median, sigma) - 3.0 * sigma);
+                normal_between(a, z) / normal_between(a, b)
             }
             Distribution::Sieve(curve) => curve.below(r)[0],
         }
     }
 
-    /// The radius below which the share `p` of the spheres is; 0 and +infinity for the ends of a lognormal
-    /// distribution.
+    /// The radius below which the share `p` of the spheres is.
     pub fn quantile(&self, p: f64) -> f64 {
         match self {
             Distribution::One(r) => *r,
             Distribution::Uniform { min, max } => min + p * (max - min),
             &Distribution::Normal { mean, sd, min, max } => {
-                let [a, b] = [min, max].map(|r| standard(r, mean, sd));
-                let all = normal_between(a, b);
-                let z = if a > 0.0 {
-                    -normal_quantile(normal_below(-a) - p * all)
-                } else {
-                    normal_quantile(normal_below(a) + p * all)
-                };
+                let z = quantile_between([min, max].map(|r| standard(r, mean, sd)), p);
                 (mean + sd * z).clamp(min, max)
             }
-            Distribution::Lognormal { median, sigma } => median * (sigma * normal_quantile(p)).exp(),
+            &Distribution::Lognormal { median, sigma, min, max } => {
+                let z = quantile_between([min, max].map(|r| standard_log(r, median, sigma)), p);
+                (median * (sigma * z).exp()).clamp(min, max)
+            }
             Distribution::Sieve(curve) => curve.radius(p * curve.all()),
         }
     }
 
-    /// What a truncation leaves of a normal distribution; 1 for the others.
+    /// What a truncation leaves of a normal or lognormal distribution; 1 for the others.
     pub(super) fn left(&self) -> f64 {
         match self {
             &Distribution::Normal { mean, sd, min, max } => {
                 let [a, b] = [min, max].map(|r| standard(r, mean, sd));
+                normal_between(a, b)
+            }
+            &Distribution::Lognormal { median, sigma, min, max } => {
+                let [a, b] = [min, max].map(|r| standard_log(r, median, sigma));
                 normal_between(a, b)
             }
             _ => 1.0,
@@ -253,7 +285,9 @@ impl Distribution {
                 let shift = (normal_density(a) - normal_density(b)) / normal_between(a, b);
                 (mean + sd * shift).clamp(min, max)
             }
-            Distribution::Lognormal { median, sigma } => median * (0.5 * sigma * sigma).exp(),
+            &Distribution::Lognormal { median, sigma, min, max } => {
+                (median * log_moment(1.0, median, sigma, [min, max])).clamp(min, max)
+            }
             Distribution::Sieve(curve) => {
                 let pieces = curve.points.windows(2).map(|pair| {
                     let [[a, below], [b, above]] = [pair[0], pair[1]];
@@ -273,20 +307,16 @@ impl Distribution {
                 let [a, b] = [min, max].map(|r| standard(r, mean, sd));
                 normal_cubes(mean, sd, a, b) / normal_between(a, b)
             }
-            Distribution::Lognormal { median, sigma } => median.powi(3) * (4.5 * sigma * sigma).exp(),
+            &Distribution::Lognormal { median, sigma, min, max } => {
+                median.powi(3) * log_moment(3.0, median, sigma, [min, max])
+            }
             Distribution::Sieve(curve) => curve.last().powi(3) / curve.all(),
         }
     }
 
-    /// Radii between which all of the spheres and of their volume are, to the last digit of a double.
+    /// Radii between which all of the spheres are.
     pub fn support(&self) -> [f64; 2] {
-        match self {
-            Distribution::Lognormal { median, sigma } => {
-                // What lies beyond 9 standard deviations is below 1e-18.
-                [-9.0 * sigma, (9.0 + 3.0 * sigma) * sigma].map(|exponent| median * exponent.exp())
-            }
-            other => [0.0, 1.0].map(|p| other.quantile(p)),
-        }
+        [0.0, 1.0].map(|p| self.quantile(p))
     }
 
     /// The radii of `count` spheres in place of the distribution, from the least to the largest.
@@ -343,7 +373,8 @@ mod tests {
             // Far above the mean, and on both sides far beyond the standard deviation.
             Distribution::Normal { mean: 0.01, sd: 0.01, min: 0.05, max: 0.09 },
             Distribution::Normal { mean: 0.05, sd: 0.001, min: 0.01, max: 0.09 },
-            Distribution::Lognormal { median: 0.03, sigma: 0.5 },
+            Distribution::Lognormal { median: 0.03, sigma: 0.5, min: 0.005, max: 0.15 },
+            Distribution::Lognormal { median: 0.03, sigma: 0.3, min: 0.04, max: 0.06 },
             Distribution::Sieve(Curve::new(&[
                 [0.01, 0.0],
                 [0.02, 0.3],
@@ -378,7 +409,7 @@ mod tests {
             let cube = |r: f64| r.powi(3);
             let (mean, cubes) = (integral(&distribution, |r| r), integral(&distribution, cube));
             assert!((distribution.mean() / mean - 1.0).abs() < 1e-5, "{distribution:?}: {mean}");
-            // The midpoint rule cuts the tail of the lognormal distribution: 1e-3 of its cubes.
+            // The midpoint rule is coarse in the tail of the lognormal distribution.
             assert!((distribution.mean_cube() / cubes - 1.0).abs() < 1e-3, "{distribution:?}: {cubes}");
             for p in [0.2, 0.5, 0.8] {
                 let r = distribution.quantile(p);

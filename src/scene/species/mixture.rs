@@ -144,7 +144,8 @@ mod tests {
     use crate::scene::species::Radius;
 
     fn species(name: &str, share: f64, density: f64, r: f64) -> Species {
-        Species { name: name.into(), share: Some(share), density: Some(density), radius: Radius::One(r) }
+        let (name, share, density) = (name.into(), Some(share), Some(density));
+        Species { name, share, density, material: None, radius: Radius::One(r) }
     }
 
     #[test]

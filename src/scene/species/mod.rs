@@ -28,6 +28,10 @@ pub struct Species {
     pub share: Option<f64>,
     /// Density, kg/m^3; > 0. `Some` after [`super::Scene::parse`]: that of the scene if it is left out.
     pub density: Option<f64>,
+    /// Name of the material of its spheres; a material of the name of the species if it is left out, if there
+    /// is one.
+    #[serde(default)]
+    pub material: Option<String>,
     /// Its radii, m.
     pub radius: Radius,
 }
@@ -100,8 +104,9 @@ pub struct Spread {
     pub uniform: Option<[f64; 2]>,
     /// Mean (m), standard deviation (m), least and largest radius (m) of a normal distribution by number.
     pub normal: Option<[f64; 4]>,
-    /// Median (m) of a lognormal distribution by number, and the standard deviation of ln r.
-    pub lognormal: Option<[f64; 2]>,
+    /// Median (m), standard deviation of ln r, least and largest radius (m) of a lognormal distribution by
+    /// number.
+    pub lognormal: Option<[f64; 4]>,
     /// CSV file of a sieve curve, as the user wrote it: absolute or relative to the folder of the scene.
     pub table: Option<PathBuf>,
     /// A sieve curve: radii (m), each with the share of the mass below it. `Some` where there is a table,

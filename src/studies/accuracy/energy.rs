@@ -25,8 +25,7 @@ pub struct Energies {
 
 /// The measure for this scene: drift or balance.
 pub fn measure(scene: &Scene) -> Measure {
-    let rubs = scene.friction.as_ref().is_some_and(|friction| friction.coefficient > 0.0);
-    if scene.contact.restitution == 1.0 && !rubs { Measure::EnergyDrift } else { Measure::EnergyBalance }
+    if !scene.dissipates() && !scene.rubs() { Measure::EnergyDrift } else { Measure::EnergyBalance }
 }
 
 /// Measures the energy until t = `time` (s) for every solver. Collective.

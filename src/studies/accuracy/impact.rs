@@ -63,6 +63,8 @@ impl Setup {
         let rebound_time = Some(law.rebound_time(height, g)).filter(|time| g > 0.0 && time.is_finite());
         let mut alone = scene.clone();
         alone.friction = None;
+        // Of a sphere without a material.
+        alone.material.clear();
         alone.container = Container { r#box: None, wall: vec![WallPlane::default()] };
         alone.gravity = [0.0, 0.0, -g];
         alone.output.energy = false;

@@ -28,6 +28,8 @@ pub struct FrameData {
     pub omega: Vec<Vec3>,
     /// The size of each particle; none where all have that of the scene.
     pub sizes: Arc<[Size]>,
+    /// Numbers of the materials of the particles in the scene; none where nobody has one.
+    pub materials: Arc<[u32]>,
     /// Kinetic energy, J.
     pub kinetic_energy: f64,
     /// Potential energy of contacts and height, J.
@@ -51,6 +53,7 @@ impl FrameData {
             v: list(&self.v),
             omega: None,
             sizes: self.sizes.clone(),
+            materials: self.materials.clone(),
         }
     }
 }
@@ -133,6 +136,7 @@ impl From<&Frame<'_>> for FrameData {
             v: frame.rows.map(velocity),
             omega: frame.rows.map(spin),
             sizes: frame.sizes().into(),
+            materials: frame.materials().into(),
             kinetic_energy: frame.kinetic_energy,
             potential_energy: frame.potential_energy,
             dissipated: frame.dissipated,

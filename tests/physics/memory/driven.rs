@@ -13,7 +13,7 @@ use demhybrid::model::history::{History, MemoryParameters, Partner, Response, To
 use demhybrid::model::size::Partners;
 
 const MEMORY: MemoryParameters =
-    MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance: [0.0; 2] };
+    MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance: [None; 2] };
 const LAW: LawParameters = LawParameters {
     r: R,
     f_0: F_0,

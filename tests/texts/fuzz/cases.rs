@@ -39,6 +39,8 @@ const VALUES: &[&str] = &[
     "[{ name = \"a\", density = 1e3, radius = { points = [[0.1, 0], [0.2, 1]] } }]",
     "[{ name = \"a\", share = 1e-300, density = 1, radius = 1 }, { name = \"b\", share = 1, density = 1, radius = 1 }]",
     "\"mean\"", "\"history\"", "\"regularized\"", "text", "=", "a=b",
+    "[{ name = 'a' }]", "[{ name = 'a', friction = 0, pair = [{ with = 'b', restitution = 1 }] }, { name = 'b' }]",
+    "\"a\"", "[{ name = 'a', rolling = 1, twisting = 1e308 }, { name = 'a' }]",
 ];
 
 /// Every key, and some that are none.
@@ -55,8 +57,9 @@ const KEYS: &[&str] = &[
     "output", "output.file", "output.interval", "output.energy", "output.sync", "checkpoint", "checkpoint.interval",
     "checkpoint.wall", "limits", "limits.wall", "stop", "stop.unbalanced_force", "stop.kinetic_energy",
     "stop.height_change", "stop.window", "stop.speed", "stop.units", "x", "particles.x", "t_end.x", "contact.resitution",
-    "species", "species.radius", "particles.species_by", "particles.species_seed",
-    "container.wall.normal", "a.b.c.d.e", "", "..", "\"quoted\"",
+    "species", "species.radius", "particles.species_by", "particles.species_seed", "species.material",
+    "container.wall.normal", "container.wall.material", "container.box.material", "material", "material.name",
+    "material.pair", "material.pair.with", "material.friction", "a.b.c.d.e", "", "..", "\"quoted\"",
 ];
 
 const CSV_FIELDS: &[&str] = &[
