@@ -222,7 +222,8 @@ impl Scene {
         // One of each size is enough where all are alike.
         let different = if matches!(sizes.as_sizes(), Sizes::Each(_)) { count } else { 1 };
         let sizes: Vec<Size> = (0..different).map(of).collect();
-        let scales = ContactScales::new(overlap, self.contact.restitution, g, [pressure, drop], &sizes);
+        let e = self.least_restitution();
+        let scales = ContactScales::new(overlap, e, g, [pressure, drop], &sizes);
         let found = [scales.repulsion_at_contact, scales.stiffness_exponent, scales.interaction_distance];
         if !found.iter().all(|number| number.is_normal() && *number > 0.0) {
             return Err(Error::Input(format!(
