@@ -105,7 +105,11 @@ fn a_dry_run_tells_what_is_asked_and_what_is_drawn() {
     for part in ["fine", "coarse", "n d10", "m d90", "asked", "drawn", "the drawn curves are within"] {
         assert!(ended.stdout.contains(part), "{part}: {}", ended.stdout);
     }
-    assert!(ended.stdout.lines().all(|line| line.chars().count() <= 110), "{}", ended.stdout);
+    let own = ended.stdout.lines().skip_while(|line| !line.starts_with("sizes"));
+    let own: Vec<&str> = own.take_while(|line| !line.starts_with("time")).collect();
+    // Quantiles of two species and of all, and bars of ten bins.
+    assert_eq!(own.len(), 20, "{}", ended.stdout);
+    assert!(own.iter().all(|line| line.chars().count() <= 110), "{}", ended.stdout);
 }
 
 #[test]
