@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use tempfile::TempDir;
 
 const SCENE: &str = "
-t_end = 0.4
+t_end = 0.2
 gravity = [0.0, 0.0, -9.81]
 particles = { density = 2000.0, species_by = 'volume', grid = { count = 200, bottom = 0.01, seed = 5 } }
 friction = { law = 'history', coefficient = 0.3 }
@@ -26,7 +26,7 @@ share = 0.6
 density = 1500.0
 radius = { table = 'sieve.csv' }
 ";
-const FRAMES: usize = 21;
+const FRAMES: usize = 11;
 
 /// A folder with the scene and the sieve curve of one of its species.
 fn folder() -> TempDir {
