@@ -206,7 +206,9 @@ mod tests {
         let half = "#".repeat(half);
         assert_eq!(words(&bars[0]), ["0.1", &half, "50", "%", "###", "11.1", "%"]);
         assert_eq!(words(&bars[1]), ["0.2", &half, "50", "%", &"#".repeat(24), "88.9", "%"]);
-        let one = told("{ name = 'a', density = 1, radius = 0.1 }", &[]);
+        // The mass of the scene must be that of its spheres.
+        let mass = format!("particles.mass={:?}", initial_condition::mass_of(0.1, 1.0));
+        let one = told("{ name = 'a', density = 1, radius = 0.1 }", &[&mass]);
         assert_eq!(one.len(), 4);
         assert_eq!(words(&one[3])[..4], ["drawn", "200", "100", "%"]);
     }
