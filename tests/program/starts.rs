@@ -82,7 +82,10 @@ fn a_run_starts_from_the_last_frame_of_another_one() {
     fs::write(folder.path().join("again.toml"), recorded.to_string()).unwrap();
     let again = ["again.toml", "-q", "-o", "again.vtkhdf"];
     Job::alone(folder.path(), &again).run().with_code(0);
-    assert_same_bits(&next, &Results::open(&folder.path().join("again.vtkhdf")), "the recorded scene");
+    let again = Results::open(&folder.path().join("again.vtkhdf"));
+    for name in ["Points", "PointData/velocity", "PointData/angular_velocity"] {
+        assert_eq!(again.vectors(name, 2), next.vectors(name, 2), "{name}");
+    }
 
     let refused = |arguments: &[&str], parts: &[&str]| {
         let out = Job::on(2, folder.path(), arguments).run().with_code(2);
