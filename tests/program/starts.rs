@@ -98,6 +98,7 @@ fn a_run_starts_from_the_last_frame_of_another_one() {
     refused(&["next.toml", "--set", "particles.density=1", "-o", "a.vtkhdf"], &["density must be left out"]);
     refused(&["next.toml", "-o", "scene.vtkhdf", "--force"], &["is particles.run itself"]);
     // A run that was killed before its first frame was complete.
+    drop(first);
     let file = hdf5::File::open_rw(folder.path().join("scene.vtkhdf")).unwrap();
     file.group("VTKHDF/Steps").unwrap().attr("NSteps").unwrap().write_scalar(&0i64).unwrap();
     drop(file);
