@@ -168,7 +168,8 @@ impl LeftOut {
             let value = particles.get(key)?;
             value.as_float().or_else(|| value.as_integer().map(|number| number as f64))
         };
-        let path = |key: &str| particles.get(key).and_then(toml::Value::as_str).map(PathBuf::from);
+        let text = |key: &str| particles.get(key).and_then(toml::Value::as_str);
+        let path = |key: &str| text(key).filter(|text| !text.trim().is_empty()).map(PathBuf::from);
         Ok(LeftOut {
             // Species and a file contradict each other.
             file: path("file").filter(|_| !table.contains_key("species")),

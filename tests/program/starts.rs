@@ -82,7 +82,10 @@ fn a_run_starts_from_the_last_frame_of_another_one() {
     fs::write(folder.path().join("again.toml"), recorded.to_string()).unwrap();
     let again = ["again.toml", "-q", "-o", "again.vtkhdf"];
     Job::alone(folder.path(), &again).run().with_code(0);
-    assert_same_bits(&next, &Results::open(&folder.path().join("again.vtkhdf")), "the recorded scene");
+    let again = Results::open(&folder.path().join("again.vtkhdf"));
+    for name in ["Points", "PointData/velocity", "PointData/angular_velocity"] {
+        assert_eq!(again.vectors(name, 2), next.vectors(name, 2), "{name}");
+    }
 
     let refused = |arguments: &[&str], parts: &[&str]| {
         let out = Job::on(2, folder.path(), arguments).run().with_code(2);
@@ -95,6 +98,7 @@ fn a_run_starts_from_the_last_frame_of_another_one() {
     refused(&["next.toml", "--set", "particles.density=1", "-o", "a.vtkhdf"], &["density must be left out"]);
     refused(&["next.toml", "-o", "scene.vtkhdf", "--force"], &["is particles.run itself"]);
     // A run that was killed before its first frame was complete.
+    drop(first);
     let file = hdf5::File::open_rw(folder.path().join("scene.vtkhdf")).unwrap();
     file.group("VTKHDF/Steps").unwrap().attr("NSteps").unwrap().write_scalar(&0i64).unwrap();
     drop(file);

@@ -278,13 +278,13 @@ mod tests {
 
     #[test]
     fn two_spheres_move_along_their_line_and_the_smaller_one_further() {
-        let mut x = [Vec3::new(0.0, 0.0, 0.0), Vec3::new(0.9, 1.2, 0.0)];
+        let mut x = [Vec3::new(0.0, 0.0, 0.0), Vec3::new(1.44, 1.92, 0.0)];
         spread(&mut x, &[2.0, 1.0], &[], &AIM).unwrap();
         let line = (x[1] - x[0]) / 3.0;
         // What remains is less than a thousandth of the smaller radius, or it is passed by a moving sphere.
         assert!(line.norm() > 1.0 - 1e-3 / 3.0, "{line}");
         assert!((line.normalize() - Vec3::new(0.6, 0.8, 0.0)).norm() < 1e-12, "{line}");
-        let moved = [x[0].norm(), (x[1] - Vec3::new(0.9, 1.2, 0.0)).norm()];
+        let moved = [x[0].norm(), (x[1] - Vec3::new(1.44, 1.92, 0.0)).norm()];
         assert!((moved[1] - 4.0 * moved[0]).abs() < 1e-9, "{moved:?}");
     }
 
