@@ -339,8 +339,8 @@ fn pairs(source: &Source, scene: &Scene, k: usize, material: &Material) -> Resul
         if twice || back {
             let at = if back { other } else { k };
             return refuse(format!(
-                "{path}.with = {with}: a [[material.pair]] of material[{at}] is about the same two materials: \
-                 what holds between them must stand there once"
+                "{path}.with = {with}: a [[material.pair]] of material[{at}] is about the same two: what \
+                 holds between them must stand there once"
             ));
         }
     }
