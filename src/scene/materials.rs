@@ -131,8 +131,8 @@ impl Scene {
     /// use demhybrid::scene::Scene;
     ///
     /// let text = std::fs::read_to_string("configs/quick.toml")?;
-    /// let materials = "material=[{ name = 'glass', restitution = 0.9 }, { name = 'clay', restitution = 0.1, \
-    ///     friction = 0.8, pair = [{ with = 'glass', friction = 0.5 }] }]";
+    /// let materials = "material=[{ name = 'glass', restitution = 0.9 }, { name = 'clay', friction = 0.8, \
+    ///     restitution = 0.1, pair = [{ with = 'glass', friction = 0.5 }] }]";
     /// let scene = Scene::parse("configs/quick.toml", &text, &[materials.to_owned()])?;
     /// let between = scene.between_materials(0, 1);
     /// assert!((between.coefficients.restitution - 0.3).abs() < 1e-15); // sqrt(0.9 * 0.1)
@@ -339,8 +339,8 @@ fn pairs(source: &Source, scene: &Scene, k: usize, material: &Material) -> Resul
         if twice || back {
             let at = if back { other } else { k };
             return refuse(format!(
-                "{path}.with = {with}: a [[material.pair]] of material[{at}] is about the same two materials: \
-                 what holds between them must stand there once"
+                "{path}.with = {with}: a [[material.pair]] of material[{at}] is about the same two: what \
+                 holds between them must stand there once"
             ));
         }
     }

@@ -82,11 +82,10 @@ fn on_two_slopes(slope: f64, pair: &str) -> Slid {
 /// A sphere slides with g (sin - mu cos), or stands.
 fn assert_slid(found: Slid, slope: f64, mu: [[f64; 2]; 2]) {
     let cos = 1.0 / (1.0 + slope * slope).sqrt();
-    for side in 0..2 {
-        for material in 0..2 {
-            let exact = G * (slope * cos - mu[side][material] * cos);
+    for (side, (found, mu)) in found.iter().zip(mu).enumerate() {
+        for (material, (&[acceleration, speed], mu)) in found.iter().zip(mu).enumerate() {
+            let exact = G * (slope * cos - mu * cos);
             let what = format!("of material {material} on slope {side}, tan = {slope}");
-            let [acceleration, speed] = found[side][material];
             // What stands has swung in its elastic shear, and fades.
             match exact > 0.0 {
                 true => assert_near(&format!("acceleration {what}, m/s^2"), acceleration, exact, 1e-3),
