@@ -177,7 +177,7 @@ mod tests {
         let table = |text: &str| Radius::Spread(toml::from_str(text).unwrap());
         let mixed = [
             spread("a", 0.25, table("uniform = [0.1, 0.3]")),
-            spread("b", 0.75, table("lognormal = [0.2, 0.4]")),
+            spread("b", 0.75, table("lognormal = [0.2, 0.4, 0.02, 2.0]")),
         ];
         let mixture = Mixture::new(&mixed, SpeciesBy::Mass);
         for p in [0.1, 0.5, 0.9] {
