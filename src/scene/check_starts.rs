@@ -15,8 +15,8 @@ pub(super) fn starts(source: &Source, scene: &Scene) -> Result<(), Error> {
     if particles.run.is_some()
         && let Some(density) = source.key("particles.density")
     {
-        let message = "particles.density and particles.run contradict each other: the run says how heavy each \
-                       sphere is, so density must be left out";
+        let message = "particles.density and particles.run contradict each other: the run says how heavy \
+                       each sphere is, so density must be left out";
         return Err(source.error(Some(density), message));
     }
     if let Some(grid) = &particles.grid {
@@ -53,8 +53,8 @@ fn one_source(source: &Source, scene: &Scene) -> Result<(), Error> {
         [first, second, ..] => Err(source.error(
             source.key(first),
             &format!(
-                "{first} and {second} contradict each other: exactly one says where the spheres start, such as \
-                 {example}"
+                "{first} and {second} contradict each other: exactly one says where the spheres start, \
+                 such as {example}"
             ),
         )),
     }
@@ -107,8 +107,8 @@ fn spacing_of_lattice(source: &Source, lattice: &Lattice, r: f64) -> Result<(), 
         return Ok(());
     }
     let message = format!(
-        "{} is less than 2 radii, so that spheres would overlap: it is the distance of their centres and must \
-         be {} m or more, or left out",
+        "{} is less than 2 radii, so that spheres would overlap: it is the distance of their centres and \
+         must be {} m or more, or left out",
         source.assignment("particles.lattice.spacing", lattice.spacing, "m"),
         short(2.0 * r)
     );
@@ -177,8 +177,8 @@ fn sides_of_region(source: &Source, scene: &Scene, region: &Region) -> Result<()
         });
         if let Some((corner, value, side, span)) = beyond {
             let message = format!(
-                "particles.random.region.{corner} = {} m is outside container.box in {name}, which ends at {} m: \
-                 it must be within",
+                "particles.random.region.{corner} = {} m is outside container.box in {name}, which ends at \
+                 {} m: it must be within",
                 short(value),
                 short(side)
             );
@@ -186,8 +186,8 @@ fn sides_of_region(source: &Source, scene: &Scene, region: &Region) -> Result<()
         }
         if max - min < 2.0 * r * (1.0 - 1e-9) {
             let message = format!(
-                "particles.random.region is {} m wide in {name}, too narrow for one sphere: it must be {} m or \
-                 more, 2 radii",
+                "particles.random.region is {} m wide in {name}, too narrow for one sphere: it must be {} \
+                 m or more, 2 radii",
                 short(max - min),
                 short(2.0 * r)
             );

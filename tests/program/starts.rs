@@ -1,5 +1,5 @@
-//! Starts of the real program: the same on any ranks and threads, from the end of another run, and told in plan
-//! and summary.
+//! Starts of the real program: the same on any ranks and threads, from the end of another run, and told in
+//! plan and summary.
 
 use crate::mpirun::{Job, Results, assert_same_bits};
 use std::fs;
@@ -60,8 +60,8 @@ fn a_start_has_the_same_bits_on_any_ranks_and_threads() {
 #[test]
 fn a_run_starts_from_the_last_frame_of_another_one() {
     let folder = folder("density = 2000.0, file = 'two.csv'");
-    let rows = "x,y,z,vx,vy,vz,avx,avy,avz,radius,species\n0.3,0.5,0.1,0.5,0,0,1,2,3,0.1,coarse\n0.7,0.5,0.5,0,0.1,0,\
-                0,0,-4,0.04,fine\n";
+    let rows = "x,y,z,vx,vy,vz,avx,avy,avz,radius,species\n0.3,0.5,0.1,0.5,0,0,1,2,3,0.1,coarse\n\
+                0.7,0.5,0.5,0,0.1,0,0,0,-4,0.04,fine\n";
     fs::write(folder.path().join("two.csv"), rows).unwrap();
     Job::alone(folder.path(), &["scene.toml", "-q"]).run().with_code(0);
     write(folder.path(), "next.toml", "run = 'scene.vtkhdf'");

@@ -71,8 +71,8 @@ pub(super) fn lattice(scene: &Scene, lattice: &Lattice) -> Result<InitialConditi
     }
     if (x.len() as u64) < lattice.count {
         return Err(Error::Input(format!(
-            "particles.lattice.count = {}: the walls leave {} places of the lattice with particles.lattice.spacing \
-             = {} m; {} spheres or fewer, or a larger container would do",
+            "particles.lattice.count = {}: the walls leave {} places of the lattice with \
+             particles.lattice.spacing = {} m; {} spheres or fewer, or a larger container would do",
             lattice.count,
             x.len(),
             short(spacing),

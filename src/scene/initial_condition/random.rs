@@ -20,8 +20,8 @@ const MOST_SWEEPS: u32 = 3000;
 /// Draws for the place of one sphere at most: oblique walls may cut off most of the box around a room.
 const MOST_DRAWS: u32 = 100_000;
 
-/// Pairs are pushed to this distance over the sum of their radii: pushing ends sooner, and forces at the start
-/// are weaker. A longer one would leave a trace in the distances of spheres.
+/// Pairs are pushed to this distance over the sum of their radii: pushing ends sooner, and forces at the
+/// start are weaker. A longer one would leave a trace in the distances of spheres.
 const APART: f64 = 1.01;
 
 /// Why spheres could not be put into a room.

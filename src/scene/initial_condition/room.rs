@@ -82,8 +82,8 @@ impl Room {
             let fraction = volume / whole;
             if fraction > LARGEST_FRACTION * (1.0 + ROUNDING) {
                 let why = format!(
-                    "particles.random.count = {} fills its region to {}, and {LARGEST_FRACTION} at most is possible: \
-                     {} spheres or fewer would do",
+                    "particles.random.count = {} fills its region to {}, and {LARGEST_FRACTION} at most is \
+                     possible: {} spheres or fewer would do",
                     random.count,
                     short(at_least(fraction)),
                     (random.count as f64 * LARGEST_FRACTION / fraction).floor()
@@ -95,8 +95,8 @@ impl Room {
         let needed = volume / fraction;
         if needed > whole * (1.0 + ROUNDING) {
             let why = format!(
-                "particles.random.count = {} at the fraction {} needs {} m^3, and region and walls leave {} m^3: \
-                 {} spheres or fewer would do{}",
+                "particles.random.count = {} at the fraction {} needs {} m^3, and region and walls leave \
+                 {} m^3: {} spheres or fewer would do{}",
                 random.count,
                 short(fraction),
                 short(at_least(needed)),
