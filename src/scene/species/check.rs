@@ -25,6 +25,9 @@ const LARGEST_SIGMA: f64 = 3.0;
 /// Least share of a normal distribution that a truncation must leave, so that digits are left as well.
 const LEAST_LEFT: f64 = 1e-6;
 
+/// Radii (m) with the share of the mass below them.
+type Points = Vec<[f64; 2]>;
+
 /// Reads the text of a table that a species names.
 pub(in crate::scene) type Reader<'a> = &'a dyn Fn(&Path) -> Result<String, Error>;
 
@@ -147,7 +150,7 @@ fn radii(
     source: &Source,
     scene: &mut Scene,
     k: usize,
-    read: &dyn Fn(&Path) -> Result<Vec<[f64; 2]>, Error>,
+    read: &dyn Fn(&Path) -> Result<Points, Error>,
 ) -> Result<(), Error> {
     let Radius::Spread(spread) = &mut scene.species[k].radius else { return Ok(()) };
     let table = format!("species[{k}].radius");

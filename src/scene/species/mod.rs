@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use toml::Value;
 
 pub(super) use check::WIDEST;
-pub use distribution::Distribution;
+pub use distribution::{Curve, Distribution};
 pub use mixture::Mixture;
 pub(crate) use sieve::read;
 
@@ -77,7 +77,9 @@ impl SpeciesBy {
 /// use demhybrid::scene::Scene;
 /// use demhybrid::scene::species::Radius;
 ///
+/// // A scene whose spheres have no radius and no mass of their own.
 /// let text = std::fs::read_to_string("configs/quick.toml")?;
+/// let text = text.replace("radius = ", "# ").replace("mass = ", "# ");
 /// let of = |radius: &str| {
 ///     let species = format!("species=[{{ name = 'a', density = 1000, radius = {radius} }}]");
 ///     Scene::parse("quick.toml", &text, &[species]).map(|scene| scene.species[0].radius.clone())
