@@ -151,7 +151,7 @@ fn a_plan_shows_what_holds_between_all_materials_and_where_it_is_from() {
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     for part in [
         "materials 20 glass, 20 steel, 20 clay, wet, 40 (none)",
-        "walls: 5 steel, 1 glass",
+        "walls: 1 glass, 5 steel",
         "glass - steel restitution 0.735 mixed, friction 0.5 given, rolling 0 mixed, twisting 0.03 given",
         "glass - glass restitution 0.9, friction 0.1, rolling 0.002, twisting 0",
         "steel - (none) restitution 0.49 mixed, friction 0.245 mixed, rolling 0 mixed, twisting 0 mixed",
