@@ -218,7 +218,9 @@ fn unknown(schema: &str, shown: &str, name: &str) -> String {
     const HERE: f64 = 0.6;
     const ELSEWHERE: f64 = 0.85;
     let here = nearest(&mut keys::of_table(schema), HERE);
-    let anywhere = || nearest(&mut KEYS.iter().filter(|key| key.table() != schema), ELSEWHERE);
+    // What a material has is a variation of what [contact] and [friction] have.
+    let elsewhere = |key: &&Key| key.table() != schema && !key.path.starts_with("material.");
+    let anywhere = || nearest(&mut KEYS.iter().filter(elsewhere), ELSEWHERE);
     let hint = match here.map(|key| (key, "")).or_else(|| anywhere().map(|key| (key, " elsewhere"))) {
         None => String::new(),
         Some((key, "")) => format!("did you mean {}? ", joined(shown, key.name())),

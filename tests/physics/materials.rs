@@ -67,9 +67,9 @@ fn on_two_slopes(slope: f64, pair: &str) -> Slid {
     let e = [[0.9, f64::sqrt(0.45)], [f64::sqrt(0.45), 0.5]];
     let mut materials = Vec::new();
     for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
-        for material in 0..2 {
+        for (material, e) in e[side].into_iter().enumerate() {
             let (up, inward) = (Vec3::new(sign * cos, 0.0, sin), Vec3::new(-sign * sin, 0.0, cos));
-            let lift = R + gap_under(G * cos, e[side][material]);
+            let lift = R + gap_under(G * cos, e);
             case = case.sphere(8.0 * up + lift * inward + Vec3::y() * material as f64, Vec3::zeros());
             materials.push(material);
         }
