@@ -328,7 +328,7 @@ fn contacts(source: &Source, scene: &Scene) -> Result<(), Error> {
             },
         );
     };
-    let overlap = source.assignment("contact.overlap", overlap, "");
+    let overlap = source.assignment("contact.overlap", overlap, "of the radius");
     if let Some((path, _)) = numbers.iter().find(|(_, number)| !number.is_nan()) {
         let message = format!(
             "{overlap} and {path} contradict each other: repulsion_at_contact, stiffness_exponent and \

@@ -311,8 +311,8 @@ fn a_mistake_in_a_set_names_the_set() {
         assert!(message.contains(expected), "{sets:?}\n  expected: {expected}\n  message:  {message}");
     }
     let basic = folder("configs/paper/settle-basic.toml");
-    let message = refusal(&basic, &["friction.coefficient=0.1"]);
-    let expected = "--set friction.coefficient=0.1: friction.regularization_velocity is missing";
+    let message = refusal(&basic, &["friction.rotation=false"]);
+    let expected = "--set friction.rotation=false: friction.coefficient is missing";
     assert!(message.starts_with(expected), "{message}");
 }
 

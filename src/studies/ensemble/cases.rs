@@ -211,7 +211,7 @@ mod tests {
     fn what_cannot_vary_is_told_with_what_would() {
         for (words, parts) in [
             (&["--vary", "smooth:contact.restitution=1"][..], &["smooth", "plain, rough"][..]),
-            (&["--vary", "friction.coefficient=0.1"], &["--vary", "regularization_velocity", "a colon"]),
+            (&["--vary", "friction.rotation=true"], &["--vary", "friction.coefficient", "a colon"]),
             (&["--vary", "contact.restitution=2"], &["--vary contact.restitution=2"]),
             (&["--vary", "t_end=1", "--vary", "rough:t_end=2"], &["t_end", "varies already"]),
             (&["--set", "contact.restitution=2"], &["--set contact.restitution=2"]),

@@ -11,7 +11,7 @@ use std::io::{Write, stderr, stdin};
 use std::path::{Path, PathBuf};
 
 /// The scene, with every key that exists. Keys that may be left out are behind `#`, with their defaults.
-pub const SCENE: &str = include_str!("init.toml");
+pub const SCENE: &str = include_str!("scene.toml");
 
 /// What `demhybrid init` is asked for.
 #[derive(Debug, Clone, PartialEq, Args)]
