@@ -123,14 +123,11 @@ impl ContactScales {
     /// The numbers with their reasons, as lines of text.
     pub fn explain(&self) -> Vec<String> {
         let Self { overlap, load, force, size, repulsion_at_contact: f_0, .. } = *self;
-        let (load, steel) = (
-            match load {
-                Load::Bed(pressure) => format!("the bed, {} Pa on its floor,", rough(pressure)),
-                Load::Drop(speed) => format!("an impact at {} m/s", short(speed)),
-            },
-            [("glass", GLASS), ("steel", STEEL)],
-        );
-        let hard = steel.map(|(name, modulus)| format!("{} of {name}", rough(hertz(force, &size, modulus))));
+        let load = match load {
+            Load::Bed(pressure) => format!("the bed, {} Pa on its floor,", rough(pressure)),
+            Load::Drop(speed) => format!("an impact at {} m/s", short(speed)),
+        };
+        let [glass, steel] = [GLASS, STEEL].map(|modulus| rough(hertz(force, &size, modulus)));
         vec![
             format!(
                 "contact.overlap = {}: {load} presses a sphere of {} m with up to {} N, {} times F_0",
@@ -149,7 +146,9 @@ impl ContactScales {
                 "interaction_distance = {} m, where a thousandth of F_0 is left",
                 rough(self.interaction_distance)
             ),
-            format!("spheres of that size would be pressed in by {} of their radius", hard.join(" and ")),
+            format!(
+                "a glass sphere of that size would be pressed in by {glass} of its radius, one of steel by {steel}"
+            ),
             "half the overlap takes about 1.5 times as many right-hand sides".to_owned(),
         ]
     }
