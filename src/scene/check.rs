@@ -332,7 +332,7 @@ fn contacts(source: &Source, scene: &Scene) -> Result<(), Error> {
     if let Some((path, _)) = numbers.iter().find(|(_, number)| !number.is_nan()) {
         let message = format!(
             "{overlap} and {path} contradict each other: repulsion_at_contact, stiffness_exponent and \
-             interaction_distance follow from it; leave them out, or leave out contact.overlap"
+             interaction_distance follow from it: leave it out, or leave out contact.overlap"
         );
         return Err(source.error(source.key(path), &message));
     }

@@ -262,12 +262,12 @@ impl Distribution {
 
     /// What a truncation leaves of a normal or lognormal distribution; 1 for the others.
     pub(super) fn left(&self) -> f64 {
-        match self {
-            &Distribution::Normal { mean, sd, min, max } => {
+        match *self {
+            Distribution::Normal { mean, sd, min, max } => {
                 let [a, b] = [min, max].map(|r| standard(r, mean, sd));
                 normal_between(a, b)
             }
-            &Distribution::Lognormal { median, sigma, min, max } => {
+            Distribution::Lognormal { median, sigma, min, max } => {
                 let [a, b] = [min, max].map(|r| standard_log(r, median, sigma));
                 normal_between(a, b)
             }
