@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use clap::Args;
 use std::io::{BufRead, Write};
 
-/// What a user knows of a bed. What is left out has the value that [`Bed`] gives.
+/// What a user knows of a bed. What is left out has a usual value.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct Known {
     /// Radius of the spheres, m, such as 0.5e-3. This option and those below write a bed of such spheres; what
