@@ -110,6 +110,44 @@ mod tests {
                          { name = 'coarse', share = 0.4, density = 2000, radius = { uniform = [0.1, 0.2] } }";
 
     #[test]
+    fn every_source_has_spheres_of_the_same_sizes() {
+        let mut of_grid = sizes(&scene(MIXED, &[]));
+        for source in ["random={ count = 400, seed = 1 }", "lattice={ count = 400, seed = 1 }"] {
+            // One source in place of the other.
+            let (name, keys) = source.split_once("=").unwrap();
+            let text = TEXT.replace("grid = { count = 400 }", &format!("{name} = {keys}"));
+            let scene = Scene::parse("a.toml", &format!("{text}\nspecies = [{MIXED}]"), &[]).unwrap();
+            let start = crate::scene::initial_condition::made(&scene).unwrap();
+            let found = [SPECIES, RADIUS, MASS].map(|name| start.column(name).unwrap().to_vec());
+            let sorted = |list: &mut Vec<f64>| list.sort_by(f64::total_cmp);
+            let mut found = found;
+            found.iter_mut().chain(&mut of_grid).for_each(sorted);
+            assert_eq!(found, of_grid, "{source}");
+            // No two overlap, whatever their sizes are.
+            let checked = crate::scene::initial_condition::ready(&scene, start).unwrap();
+            assert_eq!(
+                crate::scene::initial_condition::overlaps::overlaps(&scene, &checked),
+                None,
+                "{source}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_species_may_have_a_material() {
+        let mixed = MIXED.replace("density = 2000", "density = 2000, material = 'steel'");
+        let materials = "material=[{ name = 'fine', friction = 0.1 }, { name = 'steel', friction = 0.5 }]";
+        let friction = "friction={ law = 'history', coefficient = 0.3 }";
+        let scene = scene(&mixed, &[materials, friction]);
+        let mut start = start(&scene);
+        start.settle_materials(&scene).unwrap();
+        // The fine ones have the material of their name, the coarse ones that of their key.
+        let species: Vec<u32> = start.column(SPECIES).unwrap().iter().map(|&k| k as u32).collect();
+        assert_eq!(start.materials(), species);
+        assert_eq!(Scene::parse("again.toml", &scene.resolved(), &[]).unwrap(), scene);
+    }
+
+    #[test]
     fn columns_are_those_of_a_particle_file() {
         let scene = scene(MIXED, &[]);
         let [species, radii, masses] = sizes(&scene);
