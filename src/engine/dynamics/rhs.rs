@@ -210,6 +210,9 @@ impl Ivp for Dynamics<'_> {
         };
         let (particles, memories) = v.split_at_mut(self.layout.whole(0).len);
         threads::parts(ids.len(), threads::GRAIN, Rows::new(particles, width), &add, &|(), ()| ());
+        if memories.is_empty() {
+            return;
+        }
         let count = self.count() as f64;
         // Of an element that resists nothing the memory stays 0.
         let size = |element: &Dahl| match element.stiffness() {
