@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# The long checks: the paper's beds with their volume fractions and step counts, beds of any size, the user time
-# of the paper's on one core, 20 000 particles on 2 ranks, the build without MPI, exports in LAMMPS and OVITO,
-# the report in chromium, the commands of all pages as they stand, the book, and ten minutes of fuzzing. Takes
-# an hour or so on 2 cores, as estimated; prints the figures, fails where one is out of its bounds.
+# The long checks: the paper's beds with their volume fractions and step counts, beds of any size, the user
+# time of the paper's on one core, 20 000 particles on 2 ranks, the build without MPI, exports in LAMMPS and
+# OVITO, the report in chromium, the commands of all pages as they stand, the book, and ten minutes of fuzzing.
+# Takes an hour or so on 2 cores, as estimated; prints the figures, fails where one is out of its bounds.
 #   launch/test-long.sh                        all parts, in this order:
-#   launch/test-long.sh restart writers alone packing beds exports browser documents fuzz hard speed wide accuracy
+#   launch/test-long.sh restart writers alone packing beds exports browser documents fuzz hard speed wide \
+#       accuracy
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 exec 3>&1 4>&2

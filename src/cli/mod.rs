@@ -70,8 +70,8 @@ pub enum Tool {
     Export(Box<ExportArgs>),
     /// Write a scene with comments to start from
     ///
-    /// Without further options it has every key. With any of --radius, --density, --friction, --overlap, --box,
-    /// --count or --ask it is a bed of such spheres that settles, whatever their size.
+    /// Without further options it has every key. With any of --radius, --density, --friction, --overlap,
+    /// --box, --count or --ask it is a bed of such spheres that settles, whatever their size.
     Init(Box<InitArgs>),
     #[allow(missing_docs, reason = "its doc would take the place of the help in RenderArgs")]
     Render(Box<RenderArgs>),

@@ -82,8 +82,8 @@ pub struct Block {
     pub near: Vec<[u32; 2]>,
     /// Where the contacts of every class end in these lists.
     pub ends: Ends,
-    /// For every [`BATCH`] of near pairs of one class, one more than the highest slot of an own particle in it: how many
-    /// own bodies must be made before the batch can be evaluated.
+    /// For every [`BATCH`] of near pairs of one class, one more than the highest slot of an own particle in
+    /// it: how many own bodies must be made before the batch can be evaluated.
     pub horizon: Vec<u32>,
     /// Listed wall contacts: slot of an own particle, and number of the wall, sorted by class and both.
     pub walls: Vec<[u32; 2]>,

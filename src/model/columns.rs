@@ -186,7 +186,8 @@ impl Columns {
         rows.map(|row| Size::new(row[r.start], row[mass.start])).collect()
     }
 
-    /// The materials in rows of the columns that change only when lists are built; empty where nobody has one.
+    /// The materials in rows of the columns that change only when lists are built; empty where nobody has
+    /// one.
     pub fn materials(&self, constants: &[f64]) -> Vec<u32> {
         let Some((_, material)) = self.find(MATERIAL) else { return Vec::new() };
         let rows = constants.chunks_exact(self.width(Changes::WithLists));

@@ -1,7 +1,7 @@
 //! Numbers of contacts that follow from what a user knows: how far a load may press into a sphere.
 //!
-//! The law is that of any size of sphere if lengths are counted in radii and forces in weights. So one share of
-//! the radius gives all numbers of the repulsion, F(l) = F_0 exp(-kappa l), eq. (2.1):
+//! The law is that of any size of sphere if lengths are counted in radii and forces in weights. So one share
+//! of the radius gives all numbers of the repulsion, F(l) = F_0 exp(-kappa l), eq. (2.1):
 //!
 //! - F_0 is the weight of the lightest sphere, which then rests near the gap 0;
 //! - kappa = ln(2 load/(1 + e^2))/(overlap r), with the load in units of F_0, so that the load presses in by
@@ -21,11 +21,12 @@ use crate::model::size::{Size, Sizes};
 /// The force at l_max is this share of F_0.
 const LEFT_AT_CUTOFF: f64 = 1e-3;
 
-/// The largest contact force in a bed at rest is this times its pressure times r^2, less [`LIGHTER`] weights of
-/// a sphere.
+/// The largest contact force in a bed at rest is this times its pressure times r^2, less [`LIGHTER`] weights
+/// of a sphere.
 ///
-/// Beds of 1 to 30 layers gave 3.9 to 475 weights where this gives 4 to 472: docs/decisions/053 has the table.
-/// The mean force on the floor is 7 p r^2 at most, and a few contacts carry three to four times the mean.
+/// Beds of 1 to 20 layers gave 3.9 to 475 weights where this gives 4 to 472: docs/decisions/053 has the
+/// table. The mean force on the floor is 7 p r^2 at most, and a few contacts carry three to four times the
+/// mean.
 const LARGEST_IN_BED: f64 = 24.0;
 
 /// What a sphere of the topmost layers carries less than one within a bed, in weights.
@@ -71,7 +72,7 @@ impl ContactScales {
     /// use demhybrid::model::size::Size;
     /// use demhybrid::scene::contact_scales::ContactScales;
     ///
-    /// // One sphere of 1 kg: its weight is its load. A soft law, since e = 1 takes nothing from contacts at rest.
+    /// // One sphere of 1 kg: its weight is its load.
     /// let alone = |r: f64| ContactScales::new(0.01, 1.0, 9.81, [0.0, 0.0], &[Size::new(r, 1.0)]);
     /// assert_eq!(alone(0.1).repulsion_at_contact, 9.81); // N
     /// // A sphere that hits a floor with 1 m/s has 0.5 J, which the contact stores: F/kappa.
@@ -160,8 +161,8 @@ const GLASS: f64 = 70e9 / (1.0 - 0.22 * 0.22);
 /// The same of steel, Pa.
 const STEEL: f64 = 210e9 / (1.0 - 0.3 * 0.3);
 
-/// The share of the radius by which a force (N) presses two spheres of this size into each other, by Hertz: F =
-/// 4/3 E* sqrt(R) d^(3/2), with R = r/2 and E* = `modulus`/2 (Pa).
+/// The share of the radius by which a force (N) presses two spheres of this size into each other, by Hertz: F
+/// = 4/3 E* sqrt(R) d^(3/2), with R = r/2 and E* = `modulus`/2 (Pa).
 fn hertz(force: f64, size: &Size, modulus: f64) -> f64 {
     let stiffness = 4.0 / 3.0 * 0.5 * modulus * (0.5 * size.r).sqrt();
     (force / stiffness).powf(2.0 / 3.0) / size.r
@@ -241,9 +242,9 @@ impl Scene {
         Ok(())
     }
 
-    /// The area (m^2) across gravity of the box, or of the region in it, that a start which keys describe fills:
-    /// the same with any seed. `None` for starts from files, for a box that is open there, and for gravity that
-    /// is oblique to it.
+    /// The area (m^2) across gravity of the box, or of the region in it, that a start which keys describe
+    /// fills: the same with any seed. `None` for starts from files, for a box that is open there, and for
+    /// gravity that is oblique to it.
     fn filled(&self) -> Option<f64> {
         self.particles.count()?;
         let sides = self.container.r#box.as_ref()?;

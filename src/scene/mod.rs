@@ -274,7 +274,8 @@ impl Default for WallPlane {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
-    /// The largest share of the radius that a load presses in, in place of F_0, kappa and l_max; > 0, below 1.
+    /// The largest share of the radius that a load presses in, in place of F_0, kappa and l_max; > 0, below
+    /// 1.
     /// `None` after [`Scene::settle_contacts`], which turns it into those three.
     #[serde(default)]
     pub overlap: Option<f64>,

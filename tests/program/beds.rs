@@ -8,8 +8,8 @@ use tempfile::TempDir;
 /// Number of spheres of a bed, and the side of its box in radii.
 const BED: (u32, f64) = if cfg!(feature = "long-tests") { (2000, 30.0) } else { (150, 10.0) };
 
-/// Settles a bed of spheres of the radius `r` (m) with contacts as `init` gives them; returns the largest share of
-/// the radius that is pressed in at rest.
+/// Settles a bed of spheres of the radius `r` (m) with contacts as `init` gives them; returns the largest
+/// share of the radius that is pressed in at rest.
 fn settled(r: f64) -> f64 {
     let folder = TempDir::new().unwrap();
     let (count, side) = (BED.0.to_string(), r * BED.1);

@@ -26,9 +26,9 @@ impl Classes {
     /// The classes of spheres with these `sizes` and perhaps a `species`.
     ///
     /// With a `count` these are as many classes of size. Without one they are the species; where there are
-    /// none, only one, or more than [`MOST`], each radius is a class if there are at most four, otherwise there are
-    /// three classes. Classes of size hold about equally many spheres, and a class for each radius where
-    /// there are no more radii than classes.
+    /// none, only one, or more than [`MOST`], each radius is a class if there are at most four, otherwise
+    /// there are three classes. Classes of size hold about equally many spheres, and a class for each radius
+    /// where there are no more radii than classes.
     ///
     /// `None` where there is nothing to tell spheres apart by: no `sizes`, which means that all are alike,
     /// and no species, or none that counts.

@@ -112,7 +112,8 @@ impl Quantity {
     }
 }
 
-/// Calls `visit(i, partner, gap, n, v_rel)` for every sphere i of every contact with a gap of at most `widest` (m).
+/// Calls `visit(i, partner, gap, n, v_rel)` for every sphere i of every contact with a gap of at most
+/// `widest` (m).
 ///
 /// A pair gives two calls, a wall one. The conventions are those of [`crate::model::contact`].
 fn for_each_contact(

@@ -1,4 +1,5 @@
-//! A scene of a bed from what its user knows: sizes, density, friction, and how far contacts may be pressed in.
+//! A scene of a bed from what its user knows: sizes, density, friction, and how far contacts may be pressed
+//! in.
 
 use crate::cli::numbers::positive;
 use crate::error::Error;
@@ -10,19 +11,19 @@ use std::io::{BufRead, Write};
 /// What a user knows of a bed. What is left out has a usual value.
 #[derive(Debug, Clone, Default, PartialEq, Args)]
 pub struct Known {
-    /// Radius of the spheres, m, such as 0.5e-3. This option and those below write a bed of such spheres; what
-    /// is left out of them has a usual value
+    /// Radius of the spheres, m, such as 0.5e-3. This option and those below write a bed of such spheres;
+    /// what is left out of them has a usual value
     #[arg(long, value_name = "R", value_parser = positive, allow_negative_numbers = true)]
     radius: Option<f64>,
     /// Their density, kg/m^3; 2500 if left out, that of glass
     #[arg(long, value_name = "RHO", value_parser = positive, allow_negative_numbers = true)]
     density: Option<f64>,
-    /// Coefficient of friction: the tangent of the slope on which a block of them starts to slide; 0.345 if left
-    /// out
+    /// Coefficient of friction: the tangent of the slope on which a block of them starts to slide; 0.345 if
+    /// left out
     #[arg(long, value_name = "MU", value_parser = not_negative, allow_negative_numbers = true)]
     friction: Option<f64>,
-    /// Largest share of the radius by which the weight of the bed presses spheres into each other; 0.05 if left
-    /// out. Half of it takes about 1.5 times as many right-hand sides
+    /// Largest share of the radius by which the weight of the bed presses spheres into each other; 0.05 if
+    /// left out. Half of it takes about 1.5 times as many right-hand sides
     #[arg(long, value_name = "SHARE", value_parser = share, allow_negative_numbers = true)]
     overlap: Option<f64>,
     /// Sides of the box in x and y, m, such as 0.02,0.02; if left out, as wide as the bed is high

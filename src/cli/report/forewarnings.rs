@@ -142,8 +142,8 @@ fn soft_contact_warning(scene: &Scene, start: &InitialCondition) -> Option<Strin
 
 /// Warns if a sphere at rest keeps a floor far away, because F_0 is far above its weight.
 ///
-/// It rests where F(l) (1 + e^2)/2 = m g. Where sizes differ, it is about the sphere that is furthest, counted
-/// in its own radii.
+/// It rests where F(l) (1 + e^2)/2 = m g. Where sizes differ, it is about the sphere that is furthest,
+/// counted in its own radii.
 fn hovering_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     let contact = &scene.contact;
     let at_rest = 0.5 * (1.0 + contact.restitution.powi(2)) * contact.repulsion_at_contact;
@@ -225,8 +225,8 @@ fn overlap_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
     ))
 }
 
-/// What would keep the spheres of a grid, of radius `r` (m) at most, apart, and away from `wall` where that is overlapped most, by
-/// `deepest` (m).
+/// What would keep the spheres of a grid, of radius `r` (m) at most, apart, and away from `wall` where that
+/// is overlapped most, by `deepest` (m).
 fn grid_advice(grid: &Grid, r: f64, deepest: f64, wall: Option<&Wall>) -> String {
     let mut advice = Vec::new();
     let spacing = 2.0 * r + grid.jitter;

@@ -89,8 +89,8 @@ impl Dynamics<'_> {
         (energy, Overlap { length: overlap, share: self.largest_share(overlap) })
     }
 
-    /// The largest overlap as a share of the radius, for the bodies as they are; `overlap` (m) is the largest.
-    /// Collective.
+    /// The largest overlap as a share of the radius, for the bodies as they are; `overlap` (m) is the
+    /// largest. Collective.
     fn largest_share(&mut self, overlap: f64) -> f64 {
         if !self.columns().sized() {
             return overlap / self.law().r;

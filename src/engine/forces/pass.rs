@@ -258,8 +258,9 @@ impl Pairs {
                 }
                 continue;
             }
-            // Pairs of the last class are sorted by their first particles. So own particles before the first particle of the
-            // next pair have met all of their partners. Where that one is a ghost, its slot is of no use.
+            // Pairs of the last class are sorted by their first particles. So own particles before the first
+            // particle of the next pair have met all of their partners. Where that one is a ghost, its slot
+            // is of no use.
             let next = near.get(self.pairs).map(|pair| pair[0]);
             if next.is_none_or(|next| block.owns(next)) {
                 let end = next.map_or(limit, |next| limit.min(next as usize)).max(self.done);

@@ -206,8 +206,8 @@ impl Batch {
     /// What the sizes of the partners in row `k` mean.
     #[inline(always)]
     fn partners(&self, k: usize) -> Partners {
-        // Written out, like all that is done for every row: behind a closure the compiler does not see that row
-        // `k` exists, and computes the last rows of a batch one by one.
+        // Written out, like all that is done for every row. Behind a closure the compiler does not see that
+        // row `k` exists, and computes the last rows of a batch one by one.
         let columns = &self.partners;
         Partners {
             surfaces: self.surfaces[k],

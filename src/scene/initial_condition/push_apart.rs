@@ -80,7 +80,7 @@ pub struct Pushed {
 /// let floor = Wall::new(Vec3::zeros(), -Vec3::z());
 /// let mut x = [Vec3::new(0.0, 0.0, 0.5), Vec3::new(0.0, 0.0, 1.0)];
 /// let aim = Aim { apart: 1.01, remains: 0.0, sweeps: 1000 };
-/// spread(&mut x, &[1.0, 0.5], &[floor], &aim).unwrap();
+/// assert!(spread(&mut x, &[1.0, 0.5], &[floor], &aim).is_ok());
 /// assert!(x[0].z >= 1.0 && x[1].z - x[0].z >= 1.5); // m
 /// ```
 pub fn spread(x: &mut [Vec3], radii: &[f64], walls: &[Wall], aim: &Aim) -> Result<u32, f64> {
