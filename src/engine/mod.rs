@@ -6,4 +6,5 @@ pub mod forces;
 pub mod kernel;
 pub mod load;
 pub mod neighbors;
+mod pair_search;
 pub mod simulation;

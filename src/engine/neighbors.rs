@@ -10,8 +10,8 @@
 //! begin with the own particles of the block, in the same order; the ghosts of the block follow.
 
 use crate::engine::contact_classes::{Ends, part};
+use crate::engine::pair_search::PairSearch;
 use crate::math::cells::coordinate;
-use crate::math::sized_cells::SizedCells;
 use crate::math::vector::Vec3;
 use crate::model::size::{Size, Sizes};
 use crate::model::wall::Wall;
@@ -270,8 +270,9 @@ impl<'a> Reach<'a> {
         self.shares[1] * self.sizes.of(i).r + self.gaps[1]
     }
 
+    /// `of_pair` for particles with the radii `a` and `b` (m).
     #[inline(always)]
-    fn between(&self, a: f64, b: f64) -> f64 {
+    pub fn between(&self, a: f64, b: f64) -> f64 {
         self.shares[0] * (a + b) + self.gaps[0]
     }
 }
@@ -316,24 +317,13 @@ impl Lists {
         let owned = bounds[bounds.len() - 1];
         debug_assert!(keys[..owned].is_sorted(), "the owned particles are in the order of sums");
         assert!(x.len() < 1 << 32, "a rank knows fewer than 2^32 particles: more ranks share the work");
-        let alike = matches!(reach.sizes, Sizes::Equal(_));
-        let radius = |i: usize| reach.sizes.of(i).r;
-        let own = if alike { reach.of_pair(0, 0) } else { 0.0 };
-        // Of particles that are alike all pairs have one reach.
-        let between = |a: f64, b: f64| if alike { own } else { reach.between(a, b) };
-        let cells = SizedCells::new(x, (!alike).then_some(&radius), &between);
-        let mut order: Vec<u32> = (0..x.len() as u32).collect();
-        order.sort_unstable_by_key(|&i| keys[i as usize]);
-        let mut position = vec![0; x.len()];
-        for (k, &i) in order.iter().enumerate() {
-            position[i as usize] = k as u32;
-        }
+        let search = PairSearch::new(x, keys, reach);
         self.blocks.resize_with(bounds.len() - 1, Block::default);
         for (block, ends) in self.blocks.iter_mut().zip(bounds.windows(2)) {
             block.range = ends[0]..ends[1];
         }
         threads::each(&mut self.blocks, &|block: &mut Block| {
-            block.list_pairs(x, (&cells, &between), [&position, &order], reach);
+            block.list_pairs(&search);
             block.list_walls(x, walls, reach);
         });
     }
@@ -387,53 +377,33 @@ impl Lists {
 }
 
 impl Block {
-    /// Lists all pairs with an own particle whose centres are within `reach`.
-    ///
-    /// `position` holds the position of each particle in the summation order, by local index. `order` is its
-    /// inverse: the local index of the particle at each position.
-    fn list_pairs(
-        &mut self,
-        x: &[Vec3],
-        (cells, between): (&SizedCells, &(dyn Fn(f64, f64) -> f64 + Sync)),
-        [position, order]: [&[u32]; 2],
-        reach: Reach,
-    ) {
-        // As positions: pairs whose earlier particle is an own one, and the others.
-        let (mut own, mut foreign) = (Vec::new(), Vec::new());
-        for i in self.range.clone() {
-            let first = own.len();
-            cells.for_each_near(&x[i], reach.sizes.of(i).r, between, |j| {
-                let (here, there) = (position[i], position[j]);
-                // A pair of two own particles is found twice. It is kept where `i` is the earlier one.
-                let earlier = here < there;
-                if j == i || !earlier && self.range.contains(&j) {
-                    return;
-                }
-                let cutoff = reach.of_pair(i, j);
-                if (x[i] - x[j]).norm_squared() <= cutoff * cutoff {
-                    if earlier { own.push([here, there]) } else { foreign.push([there, here]) }
-                }
-            });
-            own[first..].sort_unstable();
-        }
-        foreign.sort_unstable();
+    /// Lists all pairs with an own particle whose centres are within reach.
+    fn list_pairs(&mut self, search: &PairSearch) {
+        // Pairs of places in the summation order. Those whose earlier particle is no own one come last.
+        let (mut found, mut foreign) = (Vec::new(), Vec::new());
         self.pairs.clear();
-        let mut foreign = foreign.into_iter().peekable();
-        for pair in own {
-            while let Some(earlier) = foreign.next_if(|&other| other < pair) {
-                self.pairs.push(earlier);
+        for i in self.range.clone() {
+            let count = search.find(i, &self.range, &mut found);
+            let (here, first) = (search.places[i], self.pairs.len());
+            for &j in &found[..count] {
+                let there = search.places[j as usize];
+                if here < there { self.pairs.push([here, there]) } else { foreign.push([there, here]) }
             }
-            self.pairs.push(pair);
+            self.pairs[first..].sort_unstable();
         }
-        self.pairs.extend(foreign);
+        if !foreign.is_empty() {
+            foreign.sort_unstable();
+            self.pairs.extend(foreign);
+            // A stable sort is fast with two parts that are in order.
+            self.pairs.sort();
+        }
         self.pairs.shrink_to(self.pairs.len() + self.pairs.len() / 8);
-        self.load_bodies(order);
+        self.load_bodies(&search.order);
     }
 
-    /// Finds the ghosts of the block, and replaces positions by slots in `pairs`.
+    /// Finds the ghosts of the block, and replaces places by slots in `pairs`.
     ///
-    /// Until then the pairs hold positions in the summation order. `order` has the local index at each
-    /// position.
+    /// Until then the pairs hold places in the summation order. `order` has the local index at each place.
     fn load_bodies(&mut self, order: &[u32]) {
         let (range, ghosts) = (&self.range, &mut self.ghosts);
         ghosts.clear();

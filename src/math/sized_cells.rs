@@ -24,8 +24,6 @@ pub struct SizedCells {
 
 struct Class {
     cells: Cells,
-    /// Indices of the members; empty where all spheres are here.
-    members: Vec<u32>,
     /// Largest radius, m.
     largest: f64,
 }
@@ -40,7 +38,7 @@ impl SizedCells {
         between: &dyn Fn(f64, f64) -> f64,
     ) -> SizedCells {
         let Some(radius) = radii else {
-            let class = Class { cells: Cells::new(x, between(0.0, 0.0)), members: Vec::new(), largest: 0.0 };
+            let class = Class { cells: Cells::new(x, between(0.0, 0.0)), largest: 0.0 };
             return SizedCells { classes: vec![class] };
         };
         let most = (0..x.len()).map(radius).fold(0.0, f64::max);
@@ -53,7 +51,9 @@ impl SizedCells {
         let of_class = |members: Vec<u32>| {
             let largest = members.iter().map(|&i| radius(i as usize)).fold(0.0, f64::max);
             let centres: Vec<Vec3> = members.iter().map(|&i| x[i as usize]).collect();
-            Class { cells: Cells::new(&centres, between(largest, largest)), members, largest }
+            let mut cells = Cells::new(&centres, between(largest, largest));
+            cells.rename(&members);
+            Class { cells, largest }
         };
         let classes = members.into_iter().filter(|members| !members.is_empty()).map(of_class).collect();
         SizedCells { classes }
@@ -69,12 +69,21 @@ impl SizedCells {
         between: &dyn Fn(f64, f64) -> f64,
         mut visit: impl FnMut(usize),
     ) {
-        for Class { cells, members, largest } in &self.classes {
-            let within = between(r, *largest);
-            match &members[..] {
-                [] => cells.for_each_within(x, within, |j| visit(j as usize)),
-                members => cells.for_each_within(x, within, |k| visit(members[k as usize] as usize)),
-            }
+        self.for_each_run_near(x, r, between, |_| true, |run| run.iter().for_each(|&i| visit(i as usize)));
+    }
+
+    /// `for_each_near` for whole runs of indices, see [`Cells::for_each_run_within`].
+    #[inline]
+    pub fn for_each_run_near(
+        &self,
+        x: &Vec3,
+        r: f64,
+        between: &dyn Fn(f64, f64) -> f64,
+        is_wanted: impl Fn(&[u32]) -> bool,
+        mut visit: impl FnMut(&[u32]),
+    ) {
+        for Class { cells, largest } in &self.classes {
+            cells.for_each_run_within(x, between(r, *largest), &is_wanted, &mut visit);
         }
     }
 }
