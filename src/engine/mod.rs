@@ -5,6 +5,7 @@ pub mod dynamics;
 pub mod forces;
 pub mod kernel;
 pub mod load;
+mod near_pairs;
 pub mod neighbors;
 mod pair_search;
 pub mod simulation;
