@@ -8,7 +8,7 @@
 
 use super::{
     Dissipation, Errors, Ivp, Layout, Method, MethodName, Norm, Part, SpectralRadius, Stage, StepStart,
-    TrialOutcome, TrialStep, add_dissipation, hermite,
+    TrialOutcome, TrialStep, add_dissipation, hermite, sums,
 };
 
 /// Damping epsilon: the polynomials stay below 1 - epsilon/3 in magnitude.
@@ -168,14 +168,10 @@ impl Chebyshev {
         step_start: &StepStart,
         (next, slope): (&[f64], &[f64]),
     ) -> Errors {
-        let (y, first) = (&step_start.y, &step_start.slope);
+        let (y, first) = (&step_start.y[part.range()], &step_start.slope[part.range()]);
         let weight = 0.4 * h;
-        let error = |k: usize| {
-            let i = k - part.start;
-            0.0 + y[k] * 0.8 + next[i] * -0.8 + first[k] * weight + slope[i] * weight
-        };
+        let errors = norm.errors(part, &[(y, 0.8), (next, -0.8), (first, weight), (slope, weight)]);
         let scale = if norm.rate { 3.0 / h } else { 1.0 };
-        let errors = norm.errors(part, error);
         Errors { largest: scale * errors.largest, ..errors }
     }
 }
@@ -239,22 +235,12 @@ impl Method for Chebyshev {
             let (changes, older) = if j.is_multiple_of(2) { (even, odd) } else { (odd, even) };
             let (y, first) = (&y[part.range()], &first[part.range()]);
             let [gamma, mu_slope] = [h * row.gamma, h * row.mu_slope];
-            match j {
-                0 => changes.iter_mut().zip(first).for_each(|(change, f)| *change = 0.0 + f * mu_slope),
-                1 => {
-                    for (k, change) in changes.iter_mut().enumerate() {
-                        *change = 0.0 + older[k] * row.mu + first[k] * gamma + slope[k] * mu_slope;
-                    }
-                }
-                _ => {
-                    for (k, change) in changes.iter_mut().enumerate() {
-                        let sum = 0.0 + older[k] * row.mu + *change * row.nu;
-                        *change = sum + first[k] * gamma + slope[k] * mu_slope;
-                    }
-                }
-            }
-            for ((number, y), change) in state.iter_mut().zip(y).zip(&*changes) {
-                *number = y + change;
+            if j == 0 {
+                sums::advance(y, (changes, None), &[(first, mu_slope)], state);
+            } else {
+                let own = if j == 1 { None } else { Some(row.nu) };
+                let terms = [(&*older, row.mu), (first, gamma), (&*slope, mu_slope)];
+                sums::advance(y, (changes, own), &terms, state);
             }
             if j + 1 == s {
                 next.copy_from_slice(state);

@@ -12,6 +12,7 @@ mod names;
 pub mod rows;
 pub mod runge_kutta;
 pub mod spectral;
+pub mod sums;
 pub mod tableau;
 #[cfg(test)]
 mod tests;
@@ -24,6 +25,7 @@ pub use names::{MethodName, NormName};
 pub use rows::{Layout, Norm, Part, Rows, Segment, largest_magnitude};
 pub use runge_kutta::RungeKutta;
 pub use spectral::SpectralRadius;
+pub use sums::Term;
 pub use tableau::{DORMAND_PRINCE, MERSON, Tableau};
 pub use verlet::Verlet;
 

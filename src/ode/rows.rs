@@ -4,6 +4,8 @@
 //! vector holds the segments one after the other.
 
 use super::Errors;
+use super::sums::{Term, sum};
+use crate::math::instructions::{Lanes, Vectorised, run_widest};
 use crate::math::larger;
 use crate::threads::Cut;
 use std::ops::Range;
@@ -13,7 +15,7 @@ use std::ops::Range;
 pub struct Segment {
     /// Number of rows on this process.
     pub rows: usize,
-    /// Numbers in a row.
+    /// Numbers in a row, 576 at most.
     pub width: usize,
     /// Number of columns that are positions. They come first, and their velocities follow in the same order.
     ///
@@ -171,8 +173,8 @@ impl Cut for Rows<'_> {
 /// // Positions count ten times as much as velocities.
 /// let norm = Norm { weights: vec![vec![10.0, 1.0]], rate: false, mean: None, rows: Vec::new() };
 /// let errors = [0.01, -0.3, 0.02, f64::NAN];
-/// assert_eq!(norm.largest(part.rows(0..1), |k| errors[k]), 0.3);
-/// assert_eq!(norm.largest(part, |k| errors[k]), f64::INFINITY);
+/// assert_eq!(norm.largest(part.rows(0..1), &errors[..2]), 0.3);
+/// assert_eq!(norm.largest(part, &errors), f64::INFINITY);
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Norm {
@@ -190,60 +192,81 @@ pub struct Norm {
 }
 
 impl Norm {
-    /// Errors of the rows of `part`, with the weighted magnitude of `value(k)` as in `largest`.
-    pub fn errors(&self, part: Part, value: impl Fn(usize) -> f64) -> Errors {
-        if self.mean.is_none() {
-            return Errors::largest(self.largest(part, value));
-        }
-        let rows = 0..part.len / part.width.max(1);
-        let of = |i: usize| Errors::of_row(self.largest(part.rows(i..i + 1), &value), self.mean);
-        let none = Errors { tolerance: self.mean.unwrap_or(0.0), ..Errors::default() };
-        rows.map(of).fold(none, Errors::merge)
-    }
-
-    /// Largest weighted magnitude of `value(k)` over the numbers k of `part`; NaN counts as +infinity.
-    ///
-    /// The index k counts from the start of the vector.
-    pub fn largest(&self, part: Part, value: impl Fn(usize) -> f64) -> f64 {
+    /// Errors of the rows of `part`, of which the weighted sum of `terms` is the error.
+    pub fn errors(&self, part: Part, terms: &[Term]) -> Errors {
         let weights = &self.weights[part.segment][..];
         assert_eq!(weights.len(), part.width, "every column of the segment has a weight");
-        if part.segment == 0 && !self.rows.is_empty() {
-            let own = &self.rows[part.row..part.row + part.len / part.width];
-            return (part.start..).step_by(part.width).zip(own).fold(0.0, |most, (row, &factor)| {
-                (0..part.width).fold(most, |most, c| {
-                    let scaled = if self.rate { c >= 2 * part.positions } else { c < part.positions };
-                    let weight = if scaled { weights[c] * factor } else { weights[c] };
-                    larger(most, weight * value(row + c).abs())
-                })
-            });
-        }
-        match weights.len() {
-            // The usual widths, which the compiler then knows.
-            3 => largest::<3>(weights, part, value),
-            6 => largest::<6>(weights, part, value),
-            9 => largest::<9>(weights, part, value),
-            width => {
-                let weight = |k: usize| weights[(k - part.start) % width];
-                part.range().fold(0.0, |most, k| larger(most, weight(k) * value(k).abs()))
-            }
-        }
+        assert!(part.width <= NUMBERS, "a row has {NUMBERS} numbers at most");
+        let own = part.segment == 0 && !self.rows.is_empty();
+        let factors = if own { &self.rows[part.row..part.row + part.len / part.width] } else { &[] };
+        let (start, end) = if self.rate { (2 * part.positions, part.width) } else { (0, part.positions) };
+        run_widest(RowErrors { len: part.len, weights, factors, scaled: start..end, terms, mean: self.mean })
+    }
+
+    /// Largest weighted magnitude of the `numbers` of `part`; NaN counts as +infinity.
+    pub fn largest(&self, part: Part, numbers: &[f64]) -> f64 {
+        self.errors(part, &[(numbers, 1.0)]).largest
     }
 }
 
-fn largest<const N: usize>(weights: &[f64], part: Part, value: impl Fn(usize) -> f64) -> f64 {
-    let (mut most, mut sum) = ([0.0; N], [0.0; N]);
-    for row in (part.start..part.start + part.len).step_by(N) {
-        for c in 0..N {
-            let weighted = weights[c] * value(row + c).abs();
-            most[c] = if weighted > most[c] { weighted } else { most[c] };
-            sum[c] += weighted;
+/// Rows, and numbers, whose errors are found at a time. They stay in the first-level cache.
+const ROWS: usize = 64;
+const NUMBERS: usize = 576;
+
+/// Finds the largest weighted magnitudes of rows, and what errors they are.
+struct RowErrors<'a> {
+    /// Length of the rows in numbers.
+    len: usize,
+    /// Weights of columns.
+    weights: &'a [f64],
+    /// For every row a factor of the weights of the columns `scaled`; empty where all are 1.
+    factors: &'a [f64],
+    scaled: Range<usize>,
+    terms: &'a [Term<'a>],
+    mean: Option<f64>,
+}
+
+impl Vectorised for RowErrors<'_> {
+    type Output = Errors;
+
+    #[inline(always)]
+    fn work<L: Lanes>(self) -> Errors {
+        let width = self.weights.len().max(1);
+        let mut all = Errors::of_rows(&[], self.mean);
+        let mut numbers = [0.0; NUMBERS];
+        let most = ROWS.min(NUMBERS / width);
+        for start in (0..self.len).step_by(most * width) {
+            let numbers = &mut numbers[..(self.len - start).min(most * width)];
+            sum(self.terms, start, numbers);
+            let (count, mut errors) = (numbers.len() / width, [0.0; ROWS]);
+            self.weigh(numbers, start / width, &mut errors[..count]);
+            all = all.merge(Errors::of_rows(&errors[..count], self.mean));
+        }
+        all
+    }
+}
+
+impl RowErrors<'_> {
+    /// Finds the largest weighted magnitude in each row of `numbers`, or NaN, for the rows from `first` on.
+    #[inline(always)]
+    fn weigh(&self, numbers: &[f64], first: usize, errors: &mut [f64]) {
+        let width = self.weights.len();
+        let mut factors = [1.0; ROWS];
+        let factors = &mut factors[..errors.len()];
+        if !self.factors.is_empty() {
+            factors.copy_from_slice(&self.factors[first..first + errors.len()]);
+        }
+        for (c, &weight) in self.weights.iter().enumerate() {
+            let scaled = self.scaled.contains(&c);
+            for ((error, row), factor) in errors.iter_mut().zip(numbers.chunks_exact(width)).zip(&*factors) {
+                let weight = if scaled { weight * factor } else { weight };
+                let weighted = (weight * row[c]).abs();
+                // The bits of magnitudes have the same order, and NaN is beyond infinity.
+                let is_larger = weighted.to_bits().cast_signed() > error.to_bits().cast_signed();
+                *error = if is_larger { weighted } else { *error };
+            }
         }
     }
-    // The comparison misses what is NaN, the sum does not.
-    if sum.iter().any(|sum| sum.is_nan()) {
-        return f64::INFINITY;
-    }
-    most.into_iter().fold(0.0, larger)
 }
 
 /// Largest magnitude of some numbers; NaN counts as +infinity.
@@ -284,12 +307,12 @@ mod tests {
             let mut y = vec![1.0; 3 * width];
             y[width + 1] = -2.0;
             y[2 * width] = 7.0;
-            assert_eq!(norm.largest(layout.whole(0), |k| y[k]), 20.0);
-            assert_eq!(norm.largest(layout.row(0, 2), |k| y[k]), 10.0);
+            assert_eq!(norm.largest(layout.whole(0), &y), 20.0);
+            assert_eq!(norm.largest(layout.row(0, 2), &y[2 * width..]), 10.0);
             for at in 0..3 * width {
                 let mut broken = y.clone();
                 broken[at] = f64::NAN;
-                assert_eq!(norm.largest(layout.whole(0), |k| broken[k]), f64::INFINITY);
+                assert_eq!(norm.largest(layout.whole(0), &broken), f64::INFINITY);
                 assert_eq!(largest_magnitude(&broken), f64::INFINITY);
             }
         }
@@ -300,11 +323,12 @@ mod tests {
         let layout = Layout(vec![Segment { rows: 2, width: 3, positions: 1 }]);
         let norm = |rate| Norm { weights: vec![vec![1.0; 3]], rate, mean: None, rows: vec![4.0, 0.5] };
         let largest = |rate, row: usize, c: usize| {
-            norm(rate).largest(layout.row(0, row), |k| f64::from(u8::from(k == 3 * row + c)))
+            let numbers = [0, 1, 2].map(|k| f64::from(u8::from(k == c)));
+            norm(rate).largest(layout.row(0, row), &numbers)
         };
         let all = |rate| [0, 1].map(|row| [0, 1, 2].map(|c| largest(rate, row, c)));
         assert_eq!(all(false), [[4.0, 1.0, 1.0], [0.5, 1.0, 1.0]]);
         assert_eq!(all(true), [[1.0, 1.0, 4.0], [1.0, 1.0, 0.5]]);
-        assert_eq!(norm(false).largest(layout.whole(0), |_| f64::NAN), f64::INFINITY);
+        assert_eq!(norm(false).largest(layout.whole(0), &[f64::NAN; 6]), f64::INFINITY);
     }
 }

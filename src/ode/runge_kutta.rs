@@ -1,8 +1,8 @@
 //! Trial steps of any explicit Runge-Kutta method, given as a table.
 
 use super::{
-    Dissipation, Errors, Ivp, Layout, Method, MethodName, Norm, Part, Stage, StepStart, Tableau,
-    TrialOutcome, TrialStep, add_dissipation,
+    Dissipation, Errors, Ivp, Layout, Method, MethodName, Norm, Part, Stage, StepStart, Tableau, Term,
+    TrialOutcome, TrialStep, add_dissipation, sums,
 };
 
 /// Largest number of stages of a table.
@@ -50,10 +50,10 @@ impl RungeKutta {
         slopes
     }
 
-    /// Errors of the rows `part`, in the given norm.
+    /// Errors of the rows `part`, in the given norm. The slopes are those of all rows.
     fn errors(&self, part: Part, h: f64, norm: &Norm, slopes: &Slopes) -> Errors {
         let weights = Weights::new(self.tableau.error, if norm.rate { 1.0 } else { h / 3.0 });
-        norm.errors(part, |k| weights.sum(slopes, k))
+        norm.errors(part, weights.terms(&slopes.map(|slope| rows_of(slope, part))).all())
     }
 }
 
@@ -74,35 +74,31 @@ impl Weights {
         Weights { terms, count }
     }
 
-    /// The weighted sum of number `k` of the slopes.
-    #[inline(always)]
-    fn sum(&self, slopes: &Slopes, k: usize) -> f64 {
-        self.terms[..self.count].iter().fold(0.0, |sum, &(s, weight)| sum + slopes[s][k] * weight)
-    }
-
-    /// Writes `y` plus the weighted sums of the slopes to `state`; all slices have its length.
-    fn add_to(&self, y: &[f64], slopes: &Slopes, state: &mut [f64]) {
-        /// Numbers that are summed side by side.
-        const LANES: usize = 16;
-        let (blocks, rest) = state.as_chunks_mut::<LANES>();
-        let end = LANES * blocks.len();
-        for (start, block) in (0..end).step_by(LANES).zip(blocks) {
-            let mut sums = [0.0; LANES];
-            for &(s, weight) in &self.terms[..self.count] {
-                let slope: &[f64; LANES] = lanes(slopes[s], start);
-                (0..LANES).for_each(|lane| sums[lane] += slope[lane] * weight);
-            }
-            let y: &[f64; LANES] = lanes(y, start);
-            (0..LANES).for_each(|lane| block[lane] = y[lane] + sums[lane]);
+    /// The terms of the weighted sum of the slopes.
+    fn terms<'a>(&self, slopes: &Slopes<'a>) -> Terms<'a> {
+        let mut terms: [Term; MOST] = [(&[], 0.0); MOST];
+        for (term, &(s, weight)) in terms.iter_mut().zip(&self.terms[..self.count]) {
+            *term = (slopes[s], weight);
         }
-        (end..).zip(rest).for_each(|(k, number)| *number = y[k] + self.sum(slopes, k));
+        Terms { terms, count: self.count }
     }
 }
 
-/// The numbers from `start` on, as an array.
-#[inline(always)]
-fn lanes<const N: usize>(numbers: &[f64], start: usize) -> &[f64; N] {
-    numbers[start..].first_chunk().expect("all vectors have the length of the state")
+/// The terms of a weighted sum.
+struct Terms<'a> {
+    terms: [Term<'a>; MOST],
+    count: usize,
+}
+
+impl<'a> Terms<'a> {
+    fn all(&self) -> &[Term<'a>] {
+        &self.terms[..self.count]
+    }
+}
+
+/// The rows `part` of a slope; of a slope that is empty, nothing.
+fn rows_of(slope: &[f64], part: Part) -> &[f64] {
+    if slope.is_empty() { slope } else { &slope[part.range()] }
 }
 
 /// The vector in a slot that `slots` assigned.
@@ -180,7 +176,7 @@ impl Method for RungeKutta {
             let make = |stage: Stage| {
                 let Stage { part, vectors: [next, ..], state, slope: old } = stage;
                 let slopes = slopes.map(|slope| if slope.is_empty() { &*old } else { &slope[part.range()] });
-                weights.add_to(&y[part.range()], &slopes, state);
+                sums::add_to(&y[part.range()], weights.terms(&slopes).all(), state);
                 if is_result {
                     next.copy_from_slice(state);
                 }
@@ -195,8 +191,8 @@ impl Method for RungeKutta {
         let finish = |part: Part, rows: &mut [f64]| {
             // Where the last stage is the result, `next` holds it already.
             if !table.first_same_as_last {
-                let slopes = slopes.map(|slope| if slope.is_empty() { slope } else { &slope[part.range()] });
-                weights.add_to(&y[part.range()], &slopes, rows);
+                let slopes = slopes.map(|slope| rows_of(slope, part));
+                sums::add_to(&y[part.range()], weights.terms(&slopes).all(), rows);
             }
             self.errors(part, h, norm, &slopes)
         };
@@ -228,7 +224,7 @@ impl Method for RungeKutta {
         let weights = Weights::new(&(self.tableau.dense?)(share), h);
         let slopes = self.slopes(&step_start.slope, &trial.slope, &trial.stages);
         let mut state = step_start.y.clone();
-        weights.add_to(&step_start.y, &slopes, &mut state);
+        sums::add_to(&step_start.y, weights.terms(&slopes).all(), &mut state);
         Some(state)
     }
 

@@ -11,7 +11,7 @@ impl Simulation<'_> {
     /// Refuses a tolerance that rounding alone exceeds. Collective.
     pub(super) fn check_rounding(&self, tightening: f64) -> Result<(), Error> {
         let (layout, y) = (self.dynamics.layout(), &self.step_start.y);
-        let size = |part: Part| self.norm.largest(part, |k| y[k]);
+        let size = |part: Part| self.norm.largest(part, &y[part.range()]);
         let mut largest = [size(layout.whole(0))];
         self.comm.max(&mut largest);
         let i = self.dynamics.worst(|i| size(layout.row(0, i)));

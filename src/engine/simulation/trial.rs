@@ -29,7 +29,7 @@ impl Simulation<'_> {
     /// Norsett, G. Wanner, Solving ODEs I, II.4).
     pub(super) fn find_first_step(&mut self) {
         let (whole, slopes) = (self.dynamics.layout().whole(0), &self.step_start.slope);
-        let mut slope = [self.norm.largest(whole, |k| slopes[k])];
+        let mut slope = [self.norm.largest(whole, &slopes[whole.range()])];
         self.comm.max(&mut slope);
         let guess = 0.01 / slope[0];
         if guess < self.progress.h {

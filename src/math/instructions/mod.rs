@@ -4,6 +4,7 @@ pub use lanes::Lanes;
 use lanes::Plain;
 #[cfg(target_arch = "x86_64")]
 use lanes::Wide;
+use std::sync::OnceLock;
 
 mod lanes;
 
@@ -84,6 +85,13 @@ pub trait Vectorised {
     type Output;
     /// Does the work. It must be inlined: only then is it compiled with the instructions of its caller.
     fn work<L: Lanes>(self) -> Self::Output;
+}
+
+/// Does `job` with the set that [`InstructionSet::chosen`] gives on this process, or with the baseline where
+/// that fails. The job must give the same bits with every set, because ranks do not agree on this one.
+pub fn run_widest<J: Vectorised>(job: J) -> J::Output {
+    static SET: OnceLock<InstructionSet> = OnceLock::new();
+    run(*SET.get_or_init(|| InstructionSet::chosen().unwrap_or(InstructionSet::Baseline)), job)
 }
 
 /// Does `job` with the instructions of `set`, which this processor must have.
