@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # The long checks: the paper's beds with their volume fractions and step counts, beds of any size, the user
 # time of the paper's on one core, 20 000 particles on 2 ranks, the build without MPI, exports in LAMMPS and
-# OVITO, the report in chromium, the commands of all pages as they stand, the book, and ten minutes of fuzzing.
+# OVITO, the report in chromium, the commands of all pages as they stand, the book, and ten minutes of
+# fuzzing.
 # Takes an hour or so on 2 cores, as estimated; prints the figures, fails where one is out of its bounds.
 #   launch/test-long.sh                        all parts, in this order:
 #   launch/test-long.sh restart writers alone packing beds exports browser documents fuzz hard speed wide \
@@ -23,7 +24,8 @@ from_debian() {
     if ! command -v "$program" >/dev/null; then
         [ "$(id -u)" = 0 ] || root=(sudo)
         "${root[@]}" apt-get update -q
-        "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends "$package"
+        "${root[@]}" env DEBIAN_FRONTEND=noninteractive \
+            apt-get install -q -y --no-install-recommends "$package"
     fi
 }
 
@@ -46,7 +48,7 @@ within() {
 }
 
 restart() {
-    say "restart: 20 ranks killed at random times, runs stopped at three times and taken up on 1, 2 and 3 ranks"
+    say "restart: 20 ranks killed at random times, runs stopped at three times and taken up on 1 to 3 ranks"
     cargo test --locked --features long-tests --test program restart:: -- --nocapture --test-threads=1 2>&1 |
         grep --line-buffered -v '^t = '
 }
@@ -58,7 +60,7 @@ writers() {
 }
 
 alone() {
-    say "the build for a laptop: no MPI, the bundled HDF5; its tests, and its bits beside those of the build with MPI"
+    say "the build for a laptop: no MPI, the bundled HDF5; its tests, and its bits beside those with MPI"
     # Its HDF5 is built by CMake 3.26 or later, which Debian 12 does not have.
     local cmake path="$PATH" build=(--locked --no-default-features --features bundled)
     cmake="$({ cmake --version 2>/dev/null || true; } | sed -n 's/^cmake version //p')"
@@ -77,7 +79,8 @@ alone() {
         echo "test-long: the build without MPI wants libraries of the system" >&2
         exit 1
     fi
-    DEMHYBRID_WITHOUT_MPI="$target/debug/demhybrid" cargo test --locked --features long-tests --test program builds::
+    DEMHYBRID_WITHOUT_MPI="$target/debug/demhybrid" \
+        cargo test --locked --features long-tests --test program builds::
 }
 
 packing() {
@@ -137,8 +140,8 @@ wide() {
 
 accuracy() {
     say "what accuracy costs: statistics of the bed, paired with the published solver on ten starts"
-    demhybrid accuracy "$configs/settle.toml" --studies ensemble --methods auto --tolerances 1e-1,1e-2 --seeds 10 --until 2 \
-        --paper -q
+    demhybrid accuracy "$configs/settle.toml" --studies ensemble --methods auto \
+        --tolerances 1e-1,1e-2 --seeds 10 --until 2 --paper -q
     say "and positions at t = 0.6 s"
     demhybrid accuracy "$configs/settle.toml" --studies state --time 0.6 --seeds 5 --force -q
 }

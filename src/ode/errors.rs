@@ -14,8 +14,8 @@ const MOST: f64 = 8.0;
 
 /// Errors of some rows. The error of a step is that of all rows.
 ///
-/// With a mean it is sum e^2/sum e, the contraharmonic mean: rows without an error, however many, do not change
-/// it, and a row that is alone with its error has it in full. It is at least a fifth of the largest.
+/// With a mean it is sum e^2/sum e, the contraharmonic mean: rows without an error, however many, do not
+/// change it, and a row that is alone with its error has it in full. It is at least a fifth of the largest.
 ///
 /// # Examples
 ///

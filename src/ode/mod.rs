@@ -98,7 +98,8 @@ pub(crate) fn no_vectors<'a>() -> [&'a mut [f64]; VECTORS] {
 ///         dydt[0] = -y[0];
 ///     }
 ///     fn agree(&mut self, _y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
-///         TrialOutcome { error: finish(self.layout.whole(0), next).error(), covered: true, within_travel: true }
+///         let error = finish(self.layout.whole(0), next).error();
+///         TrialOutcome { error, covered: true, within_travel: true }
 ///     }
 ///     fn length(&mut self, v: &[f64]) -> f64 {
 ///         v[0].abs()

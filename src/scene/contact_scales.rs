@@ -148,7 +148,8 @@ impl ContactScales {
                 rough(self.interaction_distance)
             ),
             format!(
-                "a glass sphere of that size would be pressed in by {glass} of its radius, one of steel by {steel}"
+                "a glass sphere of that size would be pressed in by {glass} of its radius, one of steel by \
+                 {steel}"
             ),
             "half the overlap takes about 1.5 times as many right-hand sides".to_owned(),
         ]
@@ -224,8 +225,8 @@ impl Scene {
         let found = [scales.repulsion_at_contact, scales.stiffness_exponent, scales.interaction_distance];
         if !found.iter().all(|number| number.is_normal() && *number > 0.0) {
             return Err(Error::Input(format!(
-                "contact.overlap = {}: it would need F_0 = {:e} N, kappa = {:e} 1/m and l_max = {:e} m, which \
-                 no arithmetic survives; give these numbers as contact.repulsion_at_contact, \
+                "contact.overlap = {}: it would need F_0 = {:e} N, kappa = {:e} 1/m and l_max = {:e} m, \
+                 which no arithmetic survives; give these numbers as contact.repulsion_at_contact, \
                  stiffness_exponent and interaction_distance",
                 short(overlap),
                 found[0],

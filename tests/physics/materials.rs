@@ -188,6 +188,32 @@ fn what_has_no_friction_is_not_rubbed_at_all_where_others_are() {
 }
 
 #[test]
+fn a_contact_that_remembers_begins_by_the_law_of_its_own_materials() {
+    // Two spheres that meet obliquely and a floor that both strike at a slant, all of the second material.
+    // The stabilised method takes the first rates of memories from where contacts are found.
+    let case = |friction: f64| {
+        Case::defaults()
+            .heavy()
+            .set("t_end", 0.5)
+            .set("output.interval", 0.01)
+            .set("solver.method", "chebyshev")
+            .set("friction.law", "history")
+            .set("friction.coefficient", friction)
+            .set("friction.rotation", true)
+            .spinning_sphere(Vec3::new(0.0, 0.0, 0.3), Vec3::new(1.0, 0.1, -1.0), Vec3::new(1.0, 2.0, 3.0))
+            .spinning_sphere(Vec3::new(0.4, 0.05, 0.3), Vec3::new(-1.0, 0.2, -0.8), Vec3::new(0.0, -5.0, 1.0))
+    };
+    let alone = run(&case(0.5).floor(), &[]);
+    // The spheres have met, and rub on the floor.
+    assert!(alone.end().omega.iter().all(|omega| (omega - Vec3::new(1.0, 2.0, 3.0)).norm() > 1.0));
+    let materials = "material=[{ name = 'a', friction = 0.1 }, { name = 'b', friction = 0.5 }]";
+    let both = run(&case(0.1).raw(materials).raw("container.wall=[{ material = 'b' }]"), &[1, 1]);
+    assert_eq!(both.bits(), alone.bits());
+    let other = run(&case(0.1).raw(materials).raw("container.wall=[{ material = 'a' }]"), &[1, 1]);
+    assert_ne!(other.bits(), alone.bits());
+}
+
+#[test]
 fn materials_with_the_values_of_the_scene_and_one_material_for_all_change_no_bit() {
     let case = Case::config("bed.toml").set("t_end", 1.0).set("output.interval", 0.1);
     let plain = run(&case, &[]);

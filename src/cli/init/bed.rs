@@ -95,8 +95,8 @@ impl Known {
         let spacing = 2.5 * r;
         if let Some(side) = [x, y].into_iter().find(|side| *side < spacing) {
             return Err(Error::Input(format!(
-                "--box: a side of {} m has no room for a sphere of {} m and its way to fall: {} m or more would \
-                 do",
+                "--box: a side of {} m has no room for a sphere of {} m and its way to fall: {} m or more \
+                 would do",
                 short(side),
                 short(r),
                 short(spacing)

@@ -163,8 +163,8 @@ fn hovering_warning(scene: &Scene, start: &InitialCondition) -> Option<String> {
         contact.repulsion_at_contact * weight / at_rest * (DEEP * size.r * contact.stiffness_exponent).exp();
     (gap > DEEP * size.r && weight > 0.0).then(|| {
         format!(
-            "warning: light spheres hover: {sphere} at rest stays {} m above a floor, {} of its radius, since \
-             F_0 is {} times its weight; contact.repulsion_at_contact = {} N or less would do, or \
+            "warning: light spheres hover: {sphere} at rest stays {} m above a floor, {} of its radius, \
+             since F_0 is {} times its weight; contact.repulsion_at_contact = {} N or less would do, or \
              contact.overlap in place of F_0, kappa and l_max",
             rough(gap),
             rough(gap / size.r),
