@@ -5,25 +5,44 @@
 
 use super::Dynamics;
 use crate::domain::{Comm, Parcels};
+use crate::engine::forces::{FREE, RowContact};
 use crate::math::larger;
 use crate::ode::{Segment, StepStart};
 use rustc_hash::FxHashMap;
 
-/// Which contacts have a row.
+/// The contacts of the rows.
 #[derive(Debug, Default)]
 pub(super) struct Contacts {
-    /// Ids of the first and the second body of every row, see `Forces::contact_keys`.
+    /// Ids of the first and the second body of every row, see [`RowContact`].
     pub(super) keys: Vec<[u64; 2]>,
     /// Whether the row is counted here. Over all ranks every contact counts once.
     pub(super) counted: Vec<bool>,
-    /// The class of the contact of every row; empty where there is one class only.
+    /// The class of the contact of every row.
     pub(super) classes: Vec<u32>,
 }
 
 impl Contacts {
+    fn of(rows: &[RowContact]) -> Self {
+        let mut contacts = Contacts::default();
+        contacts.resize(rows.len());
+        rows.iter().enumerate().for_each(|(row, contact)| contacts.set(row, contact));
+        contacts
+    }
+
+    fn resize(&mut self, rows: usize) {
+        let RowContact { key, counted, class } = RowContact::NONE;
+        self.keys.resize(rows, key);
+        self.counted.resize(rows, counted);
+        self.classes.resize(rows, class);
+    }
+
+    fn set(&mut self, row: usize, &RowContact { key, counted, class }: &RowContact) {
+        (self.keys[row], self.counted[row], self.classes[row]) = (key, counted, class);
+    }
+
     /// The class of the contact of a row.
     pub(super) fn class(&self, row: usize) -> usize {
-        self.classes.get(row).map_or(0, |&class| class as usize)
+        self.classes[row] as usize
     }
 }
 
@@ -34,7 +53,7 @@ pub struct ContactRecords {
     vectors: usize,
     /// Numbers of the memory of a contact in a vector.
     memory: usize,
-    /// The lower and the higher id of each, ascending; a wall counts from `FIRST_WALL` on.
+    /// The lower and the higher id of each; a wall counts from `FIRST_WALL` on.
     keys: Vec<[u64; 2]>,
     /// For each the memory in every vector.
     numbers: Vec<f64>,
@@ -54,14 +73,12 @@ fn sorted(key: [u64; 2]) -> [u64; 2] {
 }
 
 impl ContactRecords {
-    /// The rows with these `keys` in the `tails` of some vectors.
-    fn of(keys: &[[u64; 2]], tails: &[&[f64]], memory: usize) -> Self {
-        let mut order: Vec<usize> = (0..keys.len()).collect();
-        order.sort_unstable_by_key(|&row| sorted(keys[row]));
-        // A pair of two blocks has two rows with the same numbers.
-        order.dedup_by_key(|row| sorted(keys[*row]));
+    /// The given `rows` of the `tails` of some vectors. `keys` are those of all rows.
+    fn of(rows: impl Iterator<Item = usize>, keys: &[[u64; 2]], tails: &[&[f64]], memory: usize) -> Self {
         let mut records = ContactRecords { vectors: tails.len(), memory, ..Self::default() };
-        for row in order {
+        records.keys.reserve(keys.len());
+        records.numbers.reserve(keys.len() * records.width());
+        for row in rows {
             records.keys.push(sorted(keys[row]));
             for tail in tails {
                 let own = &tail[row * memory..(row + 1) * memory];
@@ -69,6 +86,15 @@ impl ContactRecords {
             }
         }
         records
+    }
+
+    /// The contacts with these `keys`, each once, in the order of their keys.
+    fn ascending(keys: &[[u64; 2]]) -> Vec<usize> {
+        let mut rows: Vec<usize> = (0..keys.len()).filter(|&row| keys[row] != FREE).collect();
+        rows.sort_unstable_by_key(|&row| sorted(keys[row]));
+        // A pair of two blocks has two rows with the same numbers.
+        rows.dedup_by_key(|row| sorted(keys[*row]));
+        rows
     }
 
     /// Numbers of a record.
@@ -182,45 +208,56 @@ impl Dynamics<'_> {
         }
         self.put_bodies(y);
         self.forces.find_contacts();
-        let found = self.forces.take_contacts(&self.domain.ids);
-        let keys = found.map(|turnover| turnover.first_keys).unwrap_or_default();
-        y.resize(self.particle_numbers() + keys.len() * self.forces.memory_width(), 0.0);
-        self.note_contacts(keys.into_iter());
+        self.take_contacts(vec![(y, false)]);
     }
 
     /// Takes over the contacts of a newly accepted state, which the last trial has found.
     pub fn follow_contacts(&mut self, step_start: &mut StepStart) {
-        let Some(turnover) = self.forces.take_contacts(&self.domain.ids) else { return };
-        let (particles, width) = (self.particle_numbers(), self.forces.memory_width());
-        let none = vec![0.0; width];
         let StepStart { y, slope, slope_known, direction, direction_known, .. } = step_start;
-        let follow = |vector: &mut Vec<f64>, first: &[f64]| {
-            let old = vector.split_off(particles);
-            let mut first = first.chunks_exact(width);
-            for &source in &turnover.sources {
-                let start = source as usize * width;
-                let kept = old.get(start..start + width);
-                vector.extend_from_slice(kept.or_else(|| first.next()).unwrap_or(&none));
-            }
-        };
-        follow(y, &[]);
-        if *slope_known {
-            follow(slope, &turnover.first_rates);
-        }
-        if *direction_known {
-            follow(direction, &[]);
-        }
-        let Contacts { keys, counted, .. } = std::mem::take(&mut self.contacts);
-        let mut first = turnover.first_keys.iter();
-        let old = |source: usize| Some((*keys.get(source)?, counted[source]));
-        let key = |&source: &u32| old(source as usize).or_else(|| first.next().copied());
-        self.note_contacts(turnover.sources.iter().filter_map(key));
+        let vectors = [(y, true, false), (slope, *slope_known, true), (direction, *direction_known, false)];
+        let known = vectors.into_iter().filter(|(_, known, _)| *known);
+        self.take_contacts(known.map(|(vector, _, is_slope)| (vector, is_slope)).collect());
     }
 
-    /// Takes note of the rows that the contacts have now: their keys, and whether they count.
-    fn note_contacts(&mut self, keys: impl Iterator<Item = ([u64; 2], bool)>) {
-        (self.contacts.keys, self.contacts.counted) = keys.unzip();
-        self.contacts.classes = self.forces.row_classes();
+    /// Brings rows to the contacts that were found. Each of the `vectors` gets 0 for a new contact, or its
+    /// rate if it is a slope.
+    fn take_contacts(&mut self, vectors: Vec<(&mut Vec<f64>, bool)>) {
+        let Some(turnover) = self.forces.take_contacts(&self.domain.ids) else { return };
+        let (particles, width) = (self.particle_numbers(), self.forces.memory_width());
+        for (vector, is_slope) in vectors {
+            if let Some([before, after]) = &turnover.grown {
+                let old = vector.split_off(particles);
+                for (ends, end) in before.windows(2).zip(&after[1..]) {
+                    vector.extend_from_slice(&old[ends[0] * width..ends[1] * width]);
+                    vector.resize(particles + end * width, 0.0);
+                }
+            }
+            let rows = &mut vector[particles..];
+            turnover.freed.iter().for_each(|row| rows[row * width..][..width].fill(0.0));
+            if is_slope {
+                let rates = turnover.first_rates.chunks_exact(width);
+                for ((row, _), rates) in turnover.taken.iter().zip(rates) {
+                    rows[row * width..][..width].copy_from_slice(rates);
+                }
+            }
+        }
+        let contacts = &mut self.contacts;
+        if let Some([before, after]) = &turnover.grown {
+            let old = std::mem::take(contacts);
+            for (ends, end) in before.windows(2).zip(&after[1..]) {
+                contacts.keys.extend_from_slice(&old.keys[ends[0]..ends[1]]);
+                contacts.counted.extend_from_slice(&old.counted[ends[0]..ends[1]]);
+                contacts.classes.extend_from_slice(&old.classes[ends[0]..ends[1]]);
+                contacts.resize(*end);
+            }
+        }
+        turnover.freed.iter().for_each(|&row| contacts.set(row, &RowContact::NONE));
+        turnover.taken.iter().for_each(|(row, contact)| contacts.set(*row, contact));
+        self.note_rows();
+    }
+
+    /// Takes note of the number of rows.
+    fn note_rows(&mut self) {
         let rows = self.contacts.keys.len();
         self.layout.0.truncate(1);
         self.layout.0.push(Segment { rows, width: self.forces.memory_width(), positions: 0 });
@@ -230,7 +267,10 @@ impl Dynamics<'_> {
     pub(super) fn take_records(&self, vectors: &mut [&mut Vec<f64>]) -> ContactRecords {
         let particles = self.particle_numbers();
         let tails: Vec<&[f64]> = vectors.iter().map(|vector| &vector[particles..]).collect();
-        let records = ContactRecords::of(&self.contacts.keys, &tails, self.forces.memory_width());
+        // Over all ranks every contact once.
+        let Contacts { keys, counted, .. } = &self.contacts;
+        let rows = (0..keys.len()).filter(|&row| counted[row] && keys[row] != FREE);
+        let records = ContactRecords::of(rows, keys, &tails, self.forces.memory_width());
         vectors.iter_mut().for_each(|vector| vector.truncate(particles));
         records
     }
@@ -242,17 +282,32 @@ impl Dynamics<'_> {
         }
         let place: FxHashMap<[u64; 2], usize> = records.keys.iter().copied().zip(0..).collect();
         let mut records_of_rows: Vec<usize> = Vec::with_capacity(records.keys.len());
-        let keys = self.forces.assign_rows(&self.domain.ids, &mut |key| {
-            let found = place.get(&sorted(key));
-            records_of_rows.extend(found);
-            found.is_some()
-        });
-        self.note_contacts(keys.into_iter());
+        // Almost surely all of these contacts are near. If not, look through all that are listed.
+        for near in [true, false] {
+            let (mut placed, mut left) = (vec![false; records.keys.len()], records.keys.len());
+            records_of_rows.clear();
+            let rows = self.forces.assign_rows(&self.domain.ids, near, &mut |key| {
+                let Some(&record) = place.get(&sorted(key)) else { return false };
+                left -= usize::from(!std::mem::replace(&mut placed[record], true));
+                records_of_rows.push(record);
+                true
+            });
+            self.contacts = Contacts::of(&rows);
+            if left == 0 {
+                break;
+            }
+        }
+        self.note_rows();
         let width = records.width();
         for (k, vector) in vectors.iter_mut().enumerate() {
-            for (&key, record) in self.contacts.keys.iter().zip(&records_of_rows) {
-                let start = record * width + k * records.memory;
-                vector.extend(seen_by_lower(key, &records.numbers[start..start + records.memory]));
+            let mut of_rows = records_of_rows.iter();
+            for &key in &self.contacts.keys {
+                if key == FREE {
+                    vector.extend(std::iter::repeat_n(0.0, records.memory));
+                } else if let Some(record) = of_rows.next() {
+                    let start = record * width + k * records.memory;
+                    vector.extend(seen_by_lower(key, &records.numbers[start..start + records.memory]));
+                }
             }
         }
     }
@@ -272,7 +327,9 @@ impl Dynamics<'_> {
         }
         let particles = self.particle_numbers();
         let tails: Vec<&[f64]> = vectors.iter().map(|vector| &vector[particles..]).collect();
-        let records = ContactRecords::of(&self.contacts.keys, &tails, memory);
+        let keys = &self.contacts.keys;
+        let rows = ContactRecords::ascending(keys);
+        let records = ContactRecords::of(rows.into_iter(), keys, &tails, memory);
         // A small sphere has few contacts with larger ones, a large one may have hundreds with small ones.
         let sizes = self.forces.sizes();
         let place: FxHashMap<u64, usize> = match self.columns().sized() {
@@ -333,7 +390,7 @@ mod tests {
             };
             keys.iter().flat_map(|&key| seen(key)).collect()
         };
-        ContactRecords::of(&keys, &[&tail(0), &tail(1)], MEMORY)
+        ContactRecords::of(0..keys.len(), &keys, &[&tail(0), &tail(1)], MEMORY)
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::contacts::seen_by_lower;
 use super::decomposition::{Decomposition, gather};
 use super::{Dynamics, Extremes, Fault, FaultSearch};
 use crate::domain::{Comm, exact, migration};
-use crate::engine::forces::{CHUNK, StageMaker};
+use crate::engine::forces::{CHUNK, FREE, StageMaker};
 use crate::error::StopRequest;
 use crate::math::larger;
 use crate::math::vector::Vec3;
@@ -225,8 +225,8 @@ impl Ivp for Dynamics<'_> {
             sizes.flatten().collect::<Vec<f64>>()
         };
         let sizes: Vec<Vec<f64>> = self.forces.laws.elements().map(of_class).collect();
-        let rows = memories.chunks_exact_mut(sizes[0].len().max(1)).zip(&self.contacts.keys);
-        for (row, (memory, &key)) in rows.enumerate() {
+        let rows = memories.chunks_exact_mut(sizes[0].len().max(1)).zip(&self.contacts.keys).enumerate();
+        for (row, (memory, &key)) in rows.filter(|(_, (_, key))| **key != FREE) {
             let sizes = &sizes[self.contacts.class(row)];
             let of = |id: u64| migration::scramble(id ^ migration::scramble(round));
             let mut bits = migration::scramble(of(key[0].min(key[1])) ^ key[0].max(key[1]));

@@ -124,7 +124,9 @@ pub struct BlockBodies {
     pub batch: Batch,
     /// Memories of the contacts of the block at the current stage, row after row.
     pub memories: Vec<f64>,
-    /// Contacts that get rows when the trial step is accepted.
+    /// Rows that no contact has. Their memories and rates are 0.
+    pub free_rows: Vec<u32>,
+    /// Contacts that get or lose rows when the trial step is accepted.
     pub found: Found,
 }
 
@@ -232,6 +234,7 @@ impl BlockBodies {
             + self.picked.capacity() * size_of::<Vec3>()
             + self.ghost_sources.capacity() * size_of::<OutboxSlot>()
             + self.memories.capacity() * size_of::<f64>()
+            + self.free_rows.capacity() * size_of::<u32>()
             + self.sizes.capacity() * size_of::<Size>()
             + size_of::<Batch>()
     }

@@ -1,10 +1,11 @@
 //! The memories of contacts: which contacts have a row in the state, and where.
 //!
-//! A contact has a row while its gap at the last accepted state is within `Forces::memory_gap`. Rows are
-//! numbered block by block, in the order of the listed pairs and then of the listed walls. A pair of
-//! particles in two blocks, or on two ranks, has a row in both, with the same bits.
+//! A contact has a row while its gap at the last accepted state is within `Forces::memory_gap`. Every block
+//! has rows of its own, and some of them are free: a contact that comes within reach takes one, and a contact
+//! that leaves gives its row back. A pair of particles in two blocks, or on two ranks, has a row in both,
+//! with the same bits. Nothing depends on which row a contact has.
 //!
-//! Rows change between steps only. [`Forces::find_contacts`] looks at the bodies of the last stage of a trial
+//! Contacts change between steps only. [`Forces::find_contacts`] looks at the bodies of the last stage of a trial
 //! step, and [`Forces::take_contacts`] follows once that step is accepted.
 
 use super::block_bodies::BlockBodies;
@@ -28,28 +29,56 @@ const ROWS: usize = 256;
 /// double, and no particle has it as its id.
 pub const FIRST_WALL: u64 = 1 << 52;
 
-/// The contacts of a block within reach, where they are not those that have rows.
-#[derive(Debug, Default)]
-pub struct Found {
-    /// Whether other contacts have rows than before.
-    changed: bool,
-    /// The place of every new row: index of the listed pair, or number of listed pairs plus that of the wall.
-    places: Vec<u32>,
-    /// The old row of every new one; [`NO_ROW`] for a new contact.
-    sources: Vec<u32>,
-    /// Rates of the memories of new contacts, in the order of their rows, 1/s.
-    first_rates: Vec<f64>,
+/// The key of a row that no contact has. Its memory and its rate are 0, and stay so.
+pub const FREE: [u64; 2] = [u64::MAX; 2];
+
+/// The contact of a row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RowContact {
+    /// Ids of the first and the second body; a wall counts from [`FIRST_WALL`] on. [`FREE`] if no contact has
+    /// the row.
+    pub key: [u64; 2],
+    /// Whether it is counted here: over all ranks every contact counts once.
+    pub counted: bool,
+    /// Its class.
+    pub class: u32,
 }
 
-/// How rows follow from those before.
+impl RowContact {
+    /// Of a row that no contact has. It has no error and no energy, so it may well be counted.
+    pub const NONE: RowContact = RowContact { key: FREE, counted: true, class: 0 };
+}
+
+/// Contacts of a block that came within reach, or went beyond it. A place is the index of a listed pair, or
+/// the number of listed pairs plus the index of a listed wall.
+#[derive(Debug, Default)]
+pub struct Found {
+    /// Places of contacts that want a row.
+    gained: Vec<u32>,
+    /// Rates of their memories, 1/s.
+    first_rates: Vec<f64>,
+    /// Places of contacts that need theirs no more.
+    lost: Vec<u32>,
+}
+
+/// How rows change.
 #[derive(Debug, Default)]
 pub struct Turnover {
-    /// The old row of every new one; [`NO_ROW`] for a new contact.
-    pub sources: Vec<u32>,
-    /// Rates of the memories of new contacts, in the order of their rows, 1/s.
+    /// The bounds of the rows of blocks before and after, where blocks got more rows; see
+    /// `Forces::row_bounds`. New rows are the last ones of their block.
+    pub grown: Option<[Vec<usize>; 2]>,
+    /// Rows that contacts have left.
+    pub freed: Vec<usize>,
+    /// Rows that contacts took after that, and their contacts.
+    pub taken: Vec<(usize, RowContact)>,
+    /// Rates of the memories of these, 1/s.
     pub first_rates: Vec<f64>,
-    /// Their keys, and whether they are counted here; see `Forces::assign_rows`.
-    pub first_keys: Vec<([u64; 2], bool)>,
+}
+
+/// How many rows a block with this number of contacts has free at first. Contacts come and go at most steps
+/// of a bed that falls, so rows are not numbered anew each time.
+fn spare(contacts: usize) -> usize {
+    contacts / 8 + 8
 }
 
 /// Items that belong to the rows of blocks. They are cut by blocks.
@@ -131,25 +160,6 @@ impl Forces {
         self.laws.first().memory()
     }
 
-    /// Number of rows.
-    pub fn memory_rows(&self) -> usize {
-        self.row_bounds.last().copied().unwrap_or(0)
-    }
-
-    /// The class of the contact of every row; empty where there is one class only.
-    pub fn row_classes(&self) -> Vec<u32> {
-        if self.laws.count() == 1 {
-            return Vec::new();
-        }
-        let of_block = |block: &Block| {
-            let rows = block.pair_rows.iter().chain(&block.wall_rows).enumerate();
-            let rows = rows.filter(|(_, row)| **row != NO_ROW);
-            // Rows of a block are in the order of places.
-            rows.map(|(place, _)| block.class_of(place) as u32).collect::<Vec<_>>()
-        };
-        self.lists.blocks.iter().flat_map(of_block).collect()
-    }
-
     /// From now on contacts have a memory while their gap is at most `gap` (m) at an accepted state.
     pub fn remember_within(&mut self, gap: f64) {
         self.memory_gap = gap;
@@ -193,27 +203,25 @@ impl Forces {
             let mut found = std::mem::take(&mut local.found);
             let local = &*local;
             let sizes = sizes_of(&local.sizes, laws.first(), parameters);
-            let (mut kept, mut changed) = (0, false);
-            for (within, row, _) in near_contacts((block, local), walls, (sizes, gap)) {
-                changed |= within != (row != NO_ROW);
-                kept += usize::from(row != NO_ROW);
-            }
-            // A contact with a row that is no longer near is beyond reach.
-            found.changed = changed || kept != rows.bounds[1] - rows.bounds[0];
-            if found.changed {
-                found.places.clear();
-                found.sources.clear();
-                found.first_rates.clear();
-                for (_, row, place) in
-                    near_contacts((block, local), walls, (sizes, gap)).filter(|(within, ..)| *within)
-                {
-                    found.places.push(place);
-                    found.sources.push(row);
-                    if row == NO_ROW {
+            found.gained.clear();
+            found.first_rates.clear();
+            found.lost.clear();
+            let mut near = 0;
+            for (within, row, place) in near_contacts((block, local), walls, (sizes, gap)) {
+                near += usize::from(row != NO_ROW);
+                match (within, row) {
+                    (true, NO_ROW) => {
+                        found.gained.push(place);
                         let rates = &mut found.first_rates;
                         add_first_rate(laws, (block, local), (walls, sizes), place as usize, rates);
                     }
+                    (false, row) if row != NO_ROW => found.lost.push(place),
+                    _ => (),
                 }
+            }
+            // A contact with a row that is no longer near is beyond reach.
+            if near + local.free_rows.len() != rows.bounds[1] - rows.bounds[0] {
+                block.add_places_left(&mut found.lost);
             }
             block_bodies[0].found = found;
         };
@@ -222,74 +230,76 @@ impl Forces {
         each_block(bounds, (own, rows), (), &work, &|(), ()| ());
     }
 
-    /// Gives rows to the contacts that `find_contacts` found, if these are others than before. `ids` are
-    /// those of the bodies by local index.
+    /// Gives rows to the contacts that `find_contacts` found, and takes them from those that it found beyond
+    /// reach. `ids` are those of the bodies by local index.
     pub fn take_contacts(&mut self, ids: &[u64]) -> Option<Turnover> {
-        if !self.block_bodies.iter().any(|local| local.found.changed) {
+        let changes = |local: &BlockBodies| !local.found.gained.is_empty() || !local.found.lost.is_empty();
+        if !self.block_bodies.iter().any(changes) {
             return None;
         }
         let mut turnover = Turnover::default();
-        let old = self.row_bounds.clone();
-        self.row_bounds.truncate(1);
+        let mut after = vec![0];
+        let before = &self.row_bounds;
         for ((block, local), bounds) in
-            self.lists.blocks.iter_mut().zip(&mut self.block_bodies).zip(old.windows(2))
+            self.lists.blocks.iter_mut().zip(&mut self.block_bodies).zip(before.windows(2))
         {
-            let found = &mut local.found;
-            if std::mem::take(&mut found.changed) {
-                block.forget_rows(true);
-                for ((row, &place), &source) in (0..).zip(&found.places).zip(&found.sources) {
-                    let place = place as usize;
-                    match place.checked_sub(block.pairs.len()) {
-                        None => block.pair_rows[place] = row,
-                        Some(wall) => block.wall_rows[wall] = row,
-                    }
-                    if source == NO_ROW {
-                        turnover.first_keys.push(block.key(ids, place));
-                    }
-                }
-                block.look_up_rows();
-                let moved = |&row: &u32| if row == NO_ROW { row } else { row + bounds[0] as u32 };
-                turnover.sources.extend(found.sources.iter().map(moved));
-                turnover.first_rates.append(&mut found.first_rates);
-            } else {
-                turnover.sources.extend(bounds[0] as u32..bounds[1] as u32);
+            let (first, rows) = (after[after.len() - 1], bounds[1] - bounds[0]);
+            let (found, free) = (&mut local.found, &mut local.free_rows);
+            for place in found.lost.drain(..) {
+                let row = std::mem::replace(block.row_mut(place), NO_ROW);
+                turnover.freed.push(first + row as usize);
+                free.push(row);
             }
-            self.row_bounds.push(turnover.sources.len());
+            let wanted = found.gained.len().saturating_sub(free.len());
+            let more = if wanted > 0 { wanted + spare(rows) } else { 0 };
+            free.splice(0..0, (rows as u32..(rows + more) as u32).rev());
+            for place in found.gained.drain(..) {
+                let row = free.pop().expect("there are enough");
+                *block.row_mut(place) = row;
+                turnover.taken.push((first + row as usize, block.contact(ids, place as usize)));
+            }
+            turnover.first_rates.append(&mut found.first_rates);
+            block.look_up_rows();
+            after.push(first + rows + more);
+        }
+        if after != self.row_bounds {
+            turnover.grown = Some([std::mem::replace(&mut self.row_bounds, after.clone()), after]);
         }
         Some(turnover)
     }
 
-    /// Gives a row to every listed contact for whose key `has_row` holds. Returns the keys of all rows, in
-    /// order, and whether each is counted here: over all ranks every contact counts once.
+    /// Gives rows to the contacts for whose key `has_row` holds, of the near ones or of all that are listed.
+    /// Returns the contact of every row.
     ///
-    /// A key holds the ids of the first and the second body; a wall counts from [`FIRST_WALL`] on. `ids` are
-    /// those of the bodies by local index.
+    /// `ids` are those of the bodies by local index.
     pub fn assign_rows(
         &mut self,
         ids: &[u64],
+        near: bool,
         has_row: &mut dyn FnMut([u64; 2]) -> bool,
-    ) -> Vec<([u64; 2], bool)> {
-        let mut keys = Vec::new();
+    ) -> Vec<RowContact> {
+        let mut contacts = Vec::new();
         self.row_bounds.truncate(1);
         for (block, local) in self.lists.blocks.iter_mut().zip(&mut self.block_bodies) {
             block.forget_rows(true);
             let mut next = 0;
-            for place in 0..block.pairs.len() + block.walls.len() {
-                let key = block.key(ids, place);
-                if has_row(key.0) {
-                    match place.checked_sub(block.pairs.len()) {
-                        None => block.pair_rows[place] = next,
-                        Some(wall) => block.wall_rows[wall] = next,
-                    }
-                    keys.push(key);
+            for place in block.places(near) {
+                let contact = block.contact(ids, place as usize);
+                if has_row(contact.key) {
+                    *block.row_mut(place) = next;
+                    contacts.push(contact);
                     next += 1;
                 }
             }
-            local.found.changed = false;
+            let more = spare(next as usize);
+            contacts.extend(std::iter::repeat_n(RowContact::NONE, more));
+            local.free_rows.clear();
+            local.free_rows.extend((next..next + more as u32).rev());
+            local.found = Found::default();
             block.look_up_rows();
-            self.row_bounds.push(keys.len());
+            self.row_bounds.push(contacts.len());
         }
-        keys
+        contacts
     }
 }
 
@@ -304,12 +314,47 @@ impl Block {
         self.wall_rows.resize(walls, NO_ROW);
     }
 
-    /// The key of the contact in a place, see `Found::places`, and whether it is counted here.
-    fn key(&self, ids: &[u64], place: usize) -> ([u64; 2], bool) {
+    /// The places of the near contacts, or of all that are listed.
+    fn places(&self, near: bool) -> Vec<u32> {
+        let pairs = self.pairs.len() as u32;
+        if !near {
+            return (0..pairs + self.walls.len() as u32).collect();
+        }
+        let walls = self.near_wall_places.iter().map(|place| pairs + place);
+        self.near_places.iter().copied().chain(walls).collect()
+    }
+
+    /// Adds the places of the contacts that have a row and are not near.
+    fn add_places_left(&self, lost: &mut Vec<u32>) {
+        let mut add = |rows: &[u32], near: &[u32], first: u32| {
+            let mut near = near.iter().copied().peekable();
+            for (place, &row) in (0..).zip(rows) {
+                if near.next_if_eq(&place).is_none() && row != NO_ROW {
+                    lost.push(first + place);
+                }
+            }
+        };
+        add(&self.pair_rows, &self.near_places, 0);
+        add(&self.wall_rows, &self.near_wall_places, self.pairs.len() as u32);
+    }
+
+    /// The row of the contact in a place.
+    fn row_mut(&mut self, place: u32) -> &mut u32 {
+        let place = place as usize;
+        match place.checked_sub(self.pair_rows.len()) {
+            None => &mut self.pair_rows[place],
+            Some(wall) => &mut self.wall_rows[wall],
+        }
+    }
+
+    /// The contact in a place.
+    fn contact(&self, ids: &[u64], place: usize) -> RowContact {
+        let class = self.class_of(place) as u32;
         if let Some(&pair) = self.pairs.get(place) {
-            return (pair.map(|slot| ids[self.index(slot)]), self.owns(pair[0]));
+            let key = pair.map(|slot| ids[self.index(slot)]);
+            return RowContact { key, counted: self.owns(pair[0]), class };
         }
         let [slot, wall] = self.walls[place - self.pairs.len()];
-        ([ids[self.index(slot)], FIRST_WALL + u64::from(wall)], true)
+        RowContact { key: [ids[self.index(slot)], FIRST_WALL + u64::from(wall)], counted: true, class }
     }
 }

@@ -22,7 +22,7 @@ use crate::model::wall::Wall;
 use crate::threads;
 use block_bodies::{BlockBodies, OutboxSlot, clear_for};
 use blocks::each_block;
-pub use memory::{FIRST_WALL, Turnover};
+pub use memory::{FIRST_WALL, FREE, RowContact};
 pub use pass::{CHUNK, StageMaker};
 
 mod approach;
@@ -233,6 +233,7 @@ impl Forces {
         }
         for (block, local) in lists.blocks.iter().zip(block_bodies) {
             local.distances = [0.0; 3];
+            local.free_rows.clear();
             local.begin();
             local.ghost_sources.clear();
             local.ghost_sources.extend(block.ghosts.iter().map(|&i| source(i as usize)));
