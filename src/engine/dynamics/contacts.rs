@@ -390,7 +390,8 @@ mod tests {
             };
             keys.iter().flat_map(|&key| seen(key)).collect()
         };
-        ContactRecords::of(0..keys.len(), &keys, &[&tail(0), &tail(1)], MEMORY)
+        let rows = ContactRecords::ascending(&keys);
+        ContactRecords::of(rows.into_iter(), &keys, &[&tail(0), &tail(1)], MEMORY)
     }
 
     #[test]
