@@ -275,7 +275,8 @@ impl Dynamics<'_> {
         records
     }
 
-    /// Puts the memories of `records` to the ends of the vectors, for the contacts on new lists.
+    /// Puts the memories of `records` to the ends of the vectors, in place of what is there, for the contacts on
+    /// new lists.
     pub(super) fn put_records(&mut self, records: &ContactRecords, vectors: &mut [&mut Vec<f64>]) {
         if self.forces.memory_width() == 0 {
             return;
@@ -300,6 +301,7 @@ impl Dynamics<'_> {
         self.note_rows();
         let width = records.width();
         for (k, vector) in vectors.iter_mut().enumerate() {
+            vector.truncate(self.particle_numbers());
             let mut of_rows = records_of_rows.iter();
             for &key in &self.contacts.keys {
                 if key == FREE {
