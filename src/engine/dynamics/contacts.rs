@@ -267,9 +267,11 @@ impl Dynamics<'_> {
     pub(super) fn take_records(&self, vectors: &mut [&mut Vec<f64>]) -> ContactRecords {
         let particles = self.particle_numbers();
         let tails: Vec<&[f64]> = vectors.iter().map(|vector| &vector[particles..]).collect();
-        // Over all ranks every contact once.
         let Contacts { keys, counted, .. } = &self.contacts;
-        let rows = (0..keys.len()).filter(|&row| counted[row] && keys[row] != FREE);
+        // Of two rows of a contact one rank takes the one that counts. Of several ranks each knows where one of
+        // the particles goes, and `exchange` leaves one record of a contact.
+        let several = self.domain.comm.size() > 1;
+        let rows = (0..keys.len()).filter(|&row| keys[row] != FREE && (several || counted[row]));
         let records = ContactRecords::of(rows, keys, &tails, self.forces.memory_width());
         vectors.iter_mut().for_each(|vector| vector.truncate(particles));
         records
