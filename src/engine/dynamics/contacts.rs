@@ -349,12 +349,15 @@ impl Dynamics<'_> {
     /// Energies that the memories at the end of `y` store, by row, J; 0 where another rank counts the
     /// contact.
     pub(super) fn stored_in_memories<'a>(&'a self, y: &'a [f64]) -> impl Fn(usize) -> f64 + Sync + use<'a> {
-        let (laws, contacts) = (&self.forces.laws, &self.contacts);
+        let (contacts, laws) = (&self.contacts, &self.forces.laws);
         let (tail, width) = (&y[self.particle_numbers()..], self.forces.memory_width());
         move |row: usize| {
-            let memory = &tail[row * width..(row + 1) * width];
-            let kernel = laws.of(contacts.class(row));
-            if contacts.counted[row] { kernel.stored_in_memory(memory) } else { 0.0 }
+            if !contacts.counted[row] {
+                return 0.0;
+            }
+            let stiffness = laws.stiffness(contacts.class(row));
+            let numbers = tail[row * width..(row + 1) * width].iter().zip(stiffness);
+            0.5 * numbers.fold(0.0, |sum, (number, stiffness)| sum + stiffness * (number * number))
         }
     }
 }

@@ -5,12 +5,12 @@ use super::decomposition::{Decomposition, gather};
 use super::{Dynamics, Extremes, Fault, FaultSearch};
 use crate::domain::{Comm, exact, migration};
 use crate::engine::forces::{CHUNK, FREE, StageMaker};
+use crate::engine::kernel::MOST_MEMORY;
 use crate::error::StopRequest;
 use crate::math::larger;
 use crate::math::vector::Vec3;
 use crate::model::columns::{SPIN, VELOCITY, position, spin, velocity};
 use crate::model::contact::LawParameters;
-use crate::model::dahl::Dahl;
 use crate::ode::{
     Dissipation, Errors, FinishRows, Ivp, Layout, MakeStage, Part, Rows, Stage, TrialOutcome, VECTORS,
     largest_magnitude, no_vectors,
@@ -215,27 +215,19 @@ impl Ivp for Dynamics<'_> {
         }
         let count = self.count() as f64;
         // Of an element that resists nothing the memory stays 0.
-        let size = |element: &Dahl| match element.stiffness() {
-            0.0 => 0.0,
-            stiffness => 1.0 / (stiffness * count).sqrt(),
-        };
-        let of_class = |elements: &[(usize, Dahl)]| {
-            let sizes =
-                elements.iter().map(|(numbers, element)| std::iter::repeat_n(size(element), *numbers));
-            sizes.flatten().collect::<Vec<f64>>()
-        };
-        let sizes: Vec<Vec<f64>> = self.forces.laws.elements().map(of_class).collect();
-        let rows = memories.chunks_exact_mut(sizes[0].len().max(1)).zip(&self.contacts.keys).enumerate();
+        let size = |stiffness: f64| if stiffness == 0.0 { 0.0 } else { 1.0 / (stiffness * count).sqrt() };
+        let (width, round) = (self.forces.memory_width(), migration::scramble(round));
+        let rows = memories.chunks_exact_mut(width).zip(&self.contacts.keys).enumerate();
         for (row, (memory, &key)) in rows.filter(|(_, (_, key))| **key != FREE) {
-            let sizes = &sizes[self.contacts.class(row)];
-            let of = |id: u64| migration::scramble(id ^ migration::scramble(round));
-            let mut bits = migration::scramble(of(key[0].min(key[1])) ^ key[0].max(key[1]));
-            let added = sizes.iter().map(|size| {
+            let [lower, higher] = [key[0].min(key[1]), key[0].max(key[1])];
+            let mut bits = migration::scramble(migration::scramble(lower ^ round) ^ higher);
+            let mut added = [0.0; MOST_MEMORY];
+            let stiffness = self.forces.laws.stiffness(self.contacts.class(row));
+            for (added, &stiffness) in added.iter_mut().zip(stiffness) {
                 bits = migration::scramble(bits);
-                share * size * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0)
-            });
-            let added: Vec<f64> = added.collect();
-            for (number, added) in memory.iter_mut().zip(seen_by_lower(key, &added)) {
+                *added = share * size(stiffness) * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0);
+            }
+            for (number, added) in memory.iter_mut().zip(seen_by_lower(key, &added[..width])) {
                 *number += added;
             }
         }

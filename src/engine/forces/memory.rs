@@ -12,7 +12,7 @@ use super::block_bodies::BlockBodies;
 use super::blocks::each_block;
 use super::pass::{StageMaker, Vectors};
 use super::{BlockParts, Forces, sizes_of};
-use crate::engine::kernel::{Laws, NO_ROW};
+use crate::engine::kernel::{BEHIND_MEMORIES, Laws, NO_ROW};
 use crate::engine::neighbors::Block;
 use crate::math::vector::Vec3;
 use crate::model::columns::{position, spin, velocity};
@@ -173,8 +173,10 @@ impl Forces {
         let work = |((_, block_bodies), rows): (BlockParts, ByRows<(Rows, Vectors)>), ()| {
             let memories = &mut block_bodies[0].memories;
             let (mut rest, mut row) = (rows.items, rows.bounds[0]);
-            memories.resize((rows.bounds[1] - rows.bounds[0]) * width, 0.0);
-            for states in memories.chunks_mut(ROWS * width) {
+            let numbers = (rows.bounds[1] - rows.bounds[0]) * width;
+            memories.truncate(numbers);
+            memories.resize(numbers + BEHIND_MEMORIES, 0.0);
+            for states in memories[..numbers].chunks_mut(ROWS * width) {
                 let ((slopes, vectors), behind) = rest.cut(states.len() / width);
                 rest = behind;
                 let start = first + row * width;

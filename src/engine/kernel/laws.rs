@@ -12,6 +12,8 @@ use crate::model::materials::Classes;
 /// these, any of them knows: the first.
 pub struct Laws {
     kernels: Vec<Box<dyn Kernel>>,
+    /// For every class the stiffness of each number of a memory, J.
+    stiffness: Vec<Vec<f64>>,
     /// Which class a contact belongs to.
     pub classes: Classes,
 }
@@ -22,7 +24,7 @@ pub type MakeLaws<'a> = dyn Fn(InstructionSet) -> Laws + 'a;
 impl From<Box<dyn Kernel>> for Laws {
     /// One law for all contacts.
     fn from(kernel: Box<dyn Kernel>) -> Self {
-        Laws { kernels: vec![kernel], classes: Classes::default() }
+        Laws::new(vec![kernel], Classes::default())
     }
 }
 
@@ -34,7 +36,9 @@ impl Laws {
     /// Panics if there are not as many kernels as classes.
     pub fn new(kernels: Vec<Box<dyn Kernel>>, classes: Classes) -> Self {
         assert_eq!(kernels.len(), classes.count(), "every class has a kernel");
-        Laws { kernels, classes }
+        let numbers = |(numbers, element): &(usize, Dahl)| std::iter::repeat_n(element.stiffness(), *numbers);
+        let stiffness = kernels.iter().map(|kernel| kernel.elements().iter().flat_map(numbers).collect());
+        Laws { stiffness: stiffness.collect(), kernels, classes }
     }
 
     /// Number of classes.
@@ -60,6 +64,12 @@ impl Laws {
     /// Energy that a contact at rest stores at `gap` (m), J: the most of all classes.
     pub fn most_stored(&self, gap: f64) -> f64 {
         self.kernels.iter().map(|kernel| kernel.stored(gap)).fold(0.0, crate::math::larger)
+    }
+
+    /// The stiffness of each number of a memory in a class, J: what the memory stores is half of that times the
+    /// square of the number.
+    pub fn stiffness(&self, class: usize) -> &[f64] {
+        &self.stiffness[class]
     }
 
     /// For every class, its elements; see [`Kernel::elements`].

@@ -119,7 +119,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
         for (chunk, pairs) in block.near[part.clone()].chunks(BATCH).enumerate() {
             if T::REMEMBERS {
                 let rows = &block.near_rows[part.start + chunk * BATCH..][..pairs.len()];
-                batch.put_memories(rows, memories, memory);
+                batch.put_memories::<L>(rows, memories, memory);
             }
             batch.gather::<L, N>(bodies, pairs);
             if let Sizes::Each(sizes) = sizes {
@@ -149,7 +149,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Power<'_, R, T, N
         for (chunk, contacts) in block.walls[part.clone()].chunks(BATCH).enumerate() {
             if T::REMEMBERS {
                 let rows = &block.wall_rows[part.start + chunk * BATCH..][..contacts.len()];
-                batch.put_memories(rows, memories, memory);
+                batch.put_memories::<L>(rows, memories, memory);
             }
             for (k, &[i, wall]) in contacts.iter().enumerate() {
                 let (body, wall) = (&bodies[i as usize], &walls[wall as usize]);

@@ -28,7 +28,7 @@ use crate::model::history::{History, Partner, SHEAR, Touch};
 use crate::model::rolling::Resistance;
 use crate::model::size::{Size, Sizes, squared_scale};
 use crate::model::wall::Wall;
-pub use batch::Batch;
+pub use batch::{BEHIND_MEMORIES, Batch, MOST_MEMORY};
 pub use closing::{Closing, for_closing_pairs};
 pub use laws::{Laws, MakeLaws};
 pub use measure::{GapMeasure, Survey, Take, measure_gaps};
@@ -71,7 +71,7 @@ pub const NO_ROW: u32 = u32::MAX;
 pub struct Memories<'a> {
     /// For every contact the number of its row, or [`NO_ROW`].
     pub rows: &'a [u32],
-    /// The memories of the contacts of the block, row after row.
+    /// The memories of the contacts of the block, row after row, then [`BEHIND_MEMORIES`] zeros.
     pub states: &'a [f64],
     /// Their rates, 1/s, which the sweep sets.
     pub rates: &'a mut [f64],
@@ -96,8 +96,6 @@ pub trait Kernel: Send + Sync {
     fn memory(&self) -> usize {
         self.elements().iter().map(|(numbers, _)| numbers).sum()
     }
-    /// Energy that the `memory` of a contact stores, J.
-    fn stored_in_memory(&self, memory: &[f64]) -> f64;
     /// Adds the rate of the memory of a contact whose memory is 0 to `rates`, 1/s. `difference` is s_i - s_j
     /// (m/s).
     fn add_first_rate(&self, partner: Partner, touch: Touch, difference: &Vec3, rates: &mut Vec<f64>);
@@ -246,16 +244,6 @@ impl<R: Rebound, T: Tangential, const N: usize> Kernel for Compiled<R, T, N> {
         &self.elements
     }
 
-    fn stored_in_memory(&self, memory: &[f64]) -> f64 {
-        let mut rest = memory;
-        let energies = self.elements.iter().map(|(numbers, element)| {
-            let (own, behind) = rest.split_at(*numbers);
-            rest = behind;
-            0.5 * element.stiffness() * own.iter().map(|number| number * number).sum::<f64>()
-        });
-        energies.sum()
-    }
-
     fn add_first_rate(&self, partner: Partner, touch: Touch, difference: &Vec3, rates: &mut Vec<f64>) {
         rates.extend(&self.law.respond::<Separate>(partner, touch).rate);
         let Some(resistance) = self.law.tangential.resistance() else { return };
@@ -377,7 +365,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Walls<'_, R, T, N
             }
             let rows = own_rows(&memories, chunk * BATCH, contacts.len());
             if T::REMEMBERS {
-                batch.put_memories(rows, memories.states, memory);
+                batch.put_memories::<L>(rows, memories.states, memory);
                 batch.find_spins::<L, N>(contacts.len(), Partner::Wall, alike);
             }
             if let Some(resistance) = law.tangential.resistance() {
@@ -389,7 +377,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Walls<'_, R, T, N
                 batch.evaluate::<L, R, T, N>(k, law, Partner::Wall, batch.gap[k] <= l_max);
             }
             if T::REMEMBERS {
-                batch.take_rates(rows, memories.rates, memory);
+                batch.take_rates::<L>(rows, memories.rates, memory);
             }
             if law.tangential.resistance().is_some() {
                 batch.add_moments(contacts.len());
@@ -422,7 +410,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
         for (chunk, pairs) in pairs.chunks(BATCH).enumerate() {
             let rows = own_rows(&memories, chunk * BATCH, pairs.len());
             if T::REMEMBERS {
-                batch.put_memories(rows, memories.states, memory);
+                batch.put_memories::<L>(rows, memories.states, memory);
             }
             batch.gather::<L, N>(bodies, pairs);
             if let Sizes::Each(sizes) = sizes {
@@ -452,7 +440,7 @@ impl<R: Rebound, T: Tangential, const N: usize> Vectorised for Pairs<'_, R, T, N
                 batch.evaluate::<L, R, T, N>(k, law, Partner::Sphere, batch.near[k] != 0);
             }
             if T::REMEMBERS {
-                batch.take_rates(rows, memories.rates, memory);
+                batch.take_rates::<L>(rows, memories.rates, memory);
             }
             let moments = law.tangential.resistance().is_some();
             if moments {

@@ -229,10 +229,11 @@ fn remembered(kernel: &dyn Kernel, all_sizes: &[Size], blocks: usize) -> Remembe
         let pairs = block.near.iter().map(|&[i, j]| [block.index(i), block.index(j)]);
         let walls = block.walls.iter().map(|&[i, wall]| [block.index(i), 1000 + wall as usize]);
         let keys: Vec<_> = pairs.chain(walls).collect();
-        let states: Vec<f64> = keys.iter().flat_map(|&[a, b]| memory_of(a, b, numbers)).collect();
+        let mut states: Vec<f64> = keys.iter().flat_map(|&[a, b]| memory_of(a, b, numbers)).collect();
         let of_walls: Vec<u32> = (block.near.len() as u32..keys.len() as u32).collect();
         let of_pairs: Vec<u32> = (0..block.near.len() as u32).collect();
         let mut found = vec![0.0; states.len()];
+        states.resize(states.len() + BEHIND_MEMORIES, 0.0);
         let slopes = &mut slopes[block.range.start * width..block.range.end * width];
         kernel.start_slopes(&bodies[..slopes.len()], slopes);
         let batch = &mut Batch::default();
