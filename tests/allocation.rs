@@ -28,7 +28,7 @@ fn count_allocations(mut simulation: Simulation, audited: bool, ranks: usize) {
     let mut methods: Vec<Box<dyn Method>> = vec![
         Box::new(RungeKutta::new(&MERSON)),
         Box::new(RungeKutta::new(&DORMAND_PRINCE)),
-        Box::new(Chebyshev::new(false)),
+        Box::new(Chebyshev::new(f64::INFINITY)),
         Box::new(Verlet),
     ];
     let mut trial = TrialStep::default();

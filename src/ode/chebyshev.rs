@@ -24,9 +24,12 @@ pub const STRONG_DAMPING: f64 = 10.0;
 /// The stable interval with `STRONG_DAMPING` is at least this times s^2 - 1.
 pub const STRONG_INTERVAL: f64 = 0.347;
 
-/// Number of stages of a step from which on damping is strong, for problems that oscillate. Shorter steps
-/// follow the motion, and oscillations with it.
-const LONG: usize = 9;
+/// Largest |h lambda| of a step of two stages, for problems that oscillate. Up to there it holds oscillations
+/// at 75 degrees from the negative axis, as steps of more stages do.
+const MOST_OF_TWO: f64 = 1.5;
+
+/// Steps of fewer stages are never damped strongly: nothing in them is stiff.
+const FEW: usize = 9;
 
 /// Largest number of stages of a step. Round-off grows with its square.
 pub const MOST_STAGES: usize = 1000;
@@ -125,8 +128,8 @@ pub fn tabulate(s: usize, damping: f64, table: &mut Vec<Coefficients>) {
 pub struct Chebyshev {
     /// Estimate of the spectral radius.
     pub radius: SpectralRadius,
-    /// Whether the problem oscillates.
-    oscillates: bool,
+    /// Steps longer than this do not follow the oscillations of the problem, s; infinite if there are none.
+    long: f64,
     /// Damping of the last step.
     damping: f64,
     /// Coefficients of the stages of the last step. Has capacity for the largest number of stages.
@@ -134,25 +137,33 @@ pub struct Chebyshev {
 }
 
 impl Chebyshev {
-    /// The method for a problem that oscillates, or does not.
-    pub fn new(oscillates: bool) -> Self {
+    /// The method for a problem whose oscillations steps longer than `long` (s) do not follow. It is infinite
+    /// for a problem that does not oscillate.
+    pub fn new(long: f64) -> Self {
         let table = Vec::with_capacity(MOST_STAGES);
-        Chebyshev { radius: SpectralRadius::default(), oscillates, damping: DAMPING, table }
+        Chebyshev { radius: SpectralRadius::default(), long, damping: DAMPING, table }
     }
 
-    /// Stages and damping of a step with |h lambda| = `z`.
-    fn plan(&self, z: f64) -> (usize, f64) {
-        let s = stages_for(z);
-        if !self.oscillates || s < LONG {
+    /// Whether the problem oscillates.
+    fn oscillates(&self) -> bool {
+        self.long < f64::INFINITY
+    }
+
+    /// Stages and damping of a step `h` (s).
+    fn plan(&self, h: f64) -> (usize, f64) {
+        let z = h * self.radius.bound();
+        let least = if self.oscillates() && z > MOST_OF_TWO { 3 } else { 2 };
+        let s = stages_for(z).max(least);
+        if h <= self.long || s < FEW {
             return (s.min(MOST_STAGES), DAMPING);
         }
         let s = (1.0 + z / STRONG_INTERVAL).sqrt().ceil() as usize;
-        (s.clamp(LONG, MOST_STAGES), STRONG_DAMPING)
+        (s.clamp(FEW, MOST_STAGES), STRONG_DAMPING)
     }
 
     /// Length of the stable interval of the longest step.
     fn longest(&self) -> f64 {
-        if !self.oscillates {
+        if !self.oscillates() {
             return real_stability(MOST_STAGES);
         }
         STRONG_INTERVAL * ((MOST_STAGES * MOST_STAGES) as f64 - 1.0)
@@ -202,7 +213,8 @@ impl Method for Chebyshev {
         trial: &mut TrialStep,
     ) -> (f64, u64) {
         ivp.begin();
-        let evaluations = step_start.find_slope(ivp) + self.radius.update(ivp, step_start, trial);
+        let evaluations =
+            step_start.find_slope(ivp) + self.radius.update(ivp, step_start, trial, self.oscillates());
         (self.radius.bound(), evaluations)
     }
 
@@ -222,7 +234,7 @@ impl Method for Chebyshev {
         trial.reset(n, CHANGES);
         ivp.begin();
         trial.evaluations = step_start.find_slope(ivp);
-        let (s, damping) = self.plan(h * self.radius.bound());
+        let (s, damping) = self.plan(h);
         if s != self.table.len() || damping != self.damping {
             tabulate(s, damping, &mut self.table);
             self.damping = damping;

@@ -16,8 +16,9 @@ pub struct AutoPlan {
     pub reason: &'static str,
     /// Whether the problem is damped. If not, the stabilised method is never used.
     pub is_damped: bool,
-    /// Whether the stabilised method should damp oscillations.
-    pub oscillates: bool,
+    /// Steps longer than this do not follow oscillations, which the stabilised method then damps, s; infinite
+    /// if there are none.
+    pub long: f64,
 }
 
 /// Takes steps with one active method at a time.
@@ -28,7 +29,8 @@ pub struct AutoPlan {
 /// use demhybrid::ode::integrator::{AutoPlan, Integrator};
 /// use demhybrid::ode::{MERSON, MethodName};
 ///
-/// let plan = AutoPlan { explicit: &MERSON, reason: "the motion is rough", is_damped: true, oscillates: false };
+/// let (reason, long) = ("the motion is rough", f64::INFINITY);
+/// let plan = AutoPlan { explicit: &MERSON, reason, is_damped: true, long };
 /// let auto = Integrator::new(MethodName::Auto, plan);
 /// assert!(!auto.is_stabilised()); // not before the stiffness is known
 /// assert!(auto.report().contains("merson"));
@@ -58,7 +60,7 @@ impl Integrator {
     /// An integrator with the method `name`. `auto` says how the method of that name starts.
     pub fn new(name: MethodName, auto: AutoPlan) -> Self {
         let table = |table| Box::new(RungeKutta::new(table)) as Box<dyn Method>;
-        let stabilised = || Box::new(Chebyshev::new(auto.oscillates)) as Box<dyn Method>;
+        let stabilised = || Box::new(Chebyshev::new(auto.long)) as Box<dyn Method>;
         let fixed = |active| Integrator { active, resting: None, stable: None, spent: 0 };
         match name {
             MethodName::Merson => fixed(table(&MERSON)),

@@ -1,6 +1,7 @@
 //! Stiffness at a state: the spectral radius of df/dy, by a power iteration that evaluates f only.
 
 use super::{Ivp, Stage, StepStart, TrialStep, fit, no_vectors};
+use crate::math::larger;
 use crate::threads::{self, GRAIN};
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +12,11 @@ use serde::{Deserialize, Serialize};
 const SAFETY: f64 = 1.05;
 /// Number of states that share one estimate: stiffness changes little from one step to the next.
 const SHARED: u32 = 2;
+/// The same where stiffness is steady.
+const SHARED_IF_STEADY: u32 = 4;
+/// Where stiffness is steady, an estimate is at least this share of the one before. The images of an oscillation
+/// are shorter than it stretches for half a turn, which may be several estimates.
+const LEFT: f64 = 0.95;
 /// The iteration ends when it changes the estimate by less than this share.
 const SETTLED: f64 = 0.1;
 /// Largest number of iterations at one state, with and without a good direction to start from.
@@ -52,15 +58,27 @@ impl SpectralRadius {
     /// Collective.
     ///
     /// Returns the number of right-hand sides evaluated. `trial` is used as work space: its result is lost.
-    pub fn update(&mut self, ivp: &mut dyn Ivp, step_start: &mut StepStart, trial: &mut TrialStep) -> u64 {
-        if !self.doubted && self.served < SHARED {
+    ///
+    /// `steady` says that stiffness never jumps, as it does where the paper's friction stops a contact. Then an
+    /// estimate serves longer and falls slowly, and a failed step is a reason for a new estimate, but not for
+    /// doubts about the direction.
+    pub fn update(
+        &mut self,
+        ivp: &mut dyn Ivp,
+        step_start: &mut StepStart,
+        trial: &mut TrialStep,
+        steady: bool,
+    ) -> u64 {
+        let (shared, left) = if steady { (SHARED_IF_STEADY, LEFT) } else { (SHARED, 0.0) };
+        if !self.doubted && self.served < shared {
             self.served += 1;
             return 0;
         }
         self.served = 1;
         fit(&mut trial.slope, step_start.y.len());
         // If nothing was stiff before, there is no direction to start from.
-        let careful = self.doubted || self.stretch == 0.0;
+        let careful = self.doubted && !steady || self.stretch == 0.0;
+        let least = left * self.estimate;
         self.mix(ivp, &mut step_start.direction, step_start.y.len());
         step_start.direction_known = true;
         let mut evaluations = 0;
@@ -80,6 +98,9 @@ impl SpectralRadius {
             if (ratio - 1.0).abs() <= SETTLED && (k > 0 || !careful) {
                 break;
             }
+        }
+        if self.stretch > 0.0 {
+            self.estimate = larger(self.estimate, least);
         }
         self.doubted = false;
         evaluations

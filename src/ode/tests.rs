@@ -114,7 +114,7 @@ fn every_method_has_its_order() {
         observed_order(|| Box::new(RungeKutta::new(&DORMAND_PRINCE)), smooth, 20),
         5.0,
     );
-    assert_order("chebyshev", observed_order(|| Box::new(Chebyshev::new(false)), smooth, 50), 2.0);
+    assert_order("chebyshev", observed_order(|| Box::new(Chebyshev::new(f64::INFINITY)), smooth, 50), 2.0);
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn chebyshev_keeps_its_order_with_many_stages() {
     // The number of stages follows from a stiffness of 2000, in a direction that decays at once.
     let stiff: Solve = |t, p| -2000.0 * (p.v - t.cos()) - t.sin();
     let exact = |steps: u32| {
-        let (end, evaluations) = integrate(&mut Chebyshev::new(false), stiff, steps);
+        let (end, evaluations) = integrate(&mut Chebyshev::new(f64::INFINITY), stiff, steps);
         (end, evaluations)
     };
     let ((coarse, few), (middle, _), (fine, _)) = (exact(100), exact(200), exact(400));
@@ -231,10 +231,14 @@ fn the_spectral_radius_of_damping_and_of_an_oscillation_is_found() {
         let mut ivp = Points::new(force);
         let mut step_start = StepStart::new(0.0, vec![1.0, 0.2]);
         step_start.find_slope(&mut ivp);
-        let mut radius = SpectralRadius::default();
-        radius.update(&mut ivp, &mut step_start, &mut TrialStep::default());
-        let ratio = radius.bound() / exact;
-        assert!((1.0..1.3).contains(&ratio), "{} is not {exact}", radius.bound());
+        for steady in [false, true] {
+            let mut radius = SpectralRadius::default();
+            step_start.direction_known = false;
+            step_start.direction.clear();
+            radius.update(&mut ivp, &mut step_start, &mut TrialStep::default(), steady);
+            let ratio = radius.bound() / exact;
+            assert!((1.0..1.3).contains(&ratio), "{} is not {exact}", radius.bound());
+        }
     }
 }
 
@@ -260,7 +264,7 @@ fn first_same_as_last_and_rejected_trials_save_right_hand_sides() {
 fn the_inside_of_a_step_joins_its_ends_smoothly() {
     let methods: [(Any, f64); 3] = [
         (Box::new(RungeKutta::new(&DORMAND_PRINCE)), 1e-9),
-        (Box::new(Chebyshev::new(false)), 1e-4),
+        (Box::new(Chebyshev::new(f64::INFINITY)), 1e-4),
         (Box::new(Verlet), 1e-4),
     ];
     for (mut method, tolerance) in methods {
@@ -329,7 +333,7 @@ fn what_is_lost_is_integrated_as_well_as_the_motion() {
     let methods: [(Any, f64); 4] = [
         (Box::new(RungeKutta::new(&MERSON)), 1e-7),
         (Box::new(RungeKutta::new(&DORMAND_PRINCE)), 1e-8),
-        (Box::new(Chebyshev::new(false)), 1e-3),
+        (Box::new(Chebyshev::new(f64::INFINITY)), 1e-3),
         (Box::new(Verlet), 5e-2),
     ];
     for (mut method, tolerance) in methods {
@@ -433,7 +437,7 @@ fn a_second_segment_is_integrated_with_the_order_of_the_method() {
     let methods: [(Make, u32, f64); 4] = [
         (|| Box::new(RungeKutta::new(&MERSON)), 10, 4.0),
         (|| Box::new(RungeKutta::new(&DORMAND_PRINCE)), 10, 5.0),
-        (|| Box::new(Chebyshev::new(false)), 20, 2.0),
+        (|| Box::new(Chebyshev::new(f64::INFINITY)), 20, 2.0),
         (|| Box::new(Verlet), 100, 1.0),
     ];
     let mut ends = Vec::new();

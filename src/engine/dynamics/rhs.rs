@@ -220,12 +220,16 @@ impl Ivp for Dynamics<'_> {
         let rows = memories.chunks_exact_mut(width).zip(&self.contacts.keys).enumerate();
         for (row, (memory, &key)) in rows.filter(|(_, (_, key))| **key != FREE) {
             let [lower, higher] = [key[0].min(key[1]), key[0].max(key[1])];
-            let mut bits = migration::scramble(migration::scramble(lower ^ round) ^ higher);
+            let mut bits = migration::scramble(lower ^ round) ^ higher;
             let mut added = [0.0; MOST_MEMORY];
             let stiffness = self.forces.laws.stiffness(self.contacts.class(row));
-            for (added, &stiffness) in added.iter_mut().zip(stiffness) {
-                bits = migration::scramble(bits);
-                *added = share * size(stiffness) * ((bits >> 11) as f64 * 2f64.powi(-52) - 1.0);
+            for (c, (added, stiffness)) in added.iter_mut().zip(stiffness).enumerate() {
+                if c.is_multiple_of(3) {
+                    bits = migration::scramble(bits);
+                }
+                // 21 bits as a fraction in -1..1.
+                let fraction = (bits >> (21 * (c % 3))) & 0x1f_ffff;
+                *added = share * size(*stiffness) * (fraction as f64 * 2f64.powi(-20) - 1.0);
             }
             for (number, added) in memory.iter_mut().zip(seen_by_lower(key, &added[..width])) {
                 *number += added;

@@ -19,7 +19,7 @@ pub use frame_summary::FrameSummary;
 pub use memory::{Memory, Remembered, Snapshot};
 pub use observer::{Frame, Observer, Outcome};
 pub use physics::{Physics, parameters, state_vectors, tightening};
-use physics::{auto_plan, error_control, own_weights, scene_laws};
+use physics::{auto_plan, error_control, long_step, own_weights, scene_laws};
 pub use progress::{Counts, Progress};
 use progress::{Schedule, WallClock};
 use std::time::Instant;
@@ -167,7 +167,7 @@ impl<'c> Simulation<'c> {
         Simulation {
             comm,
             dynamics,
-            integrator: Integrator::new(scene.solver.method, auto_plan(scene)),
+            integrator: Integrator::new(scene.solver.method, auto_plan(scene, long_step(scene, scale))),
             tolerance: control.tolerance / tightening(scene),
             cutoff,
             norm,

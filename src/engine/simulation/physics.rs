@@ -12,8 +12,16 @@ use crate::ode::integrator::{AutoPlan, Integrator};
 use crate::ode::{DORMAND_PRINCE, MERSON, MethodName, Norm, NormName, StepControl, StepRule};
 use crate::scene::{Scene, effects, materials};
 
-/// Steps longer than this over the frequency of a contact are long, see `StepControl::long`.
-const LONG: f64 = 0.2;
+/// Steps longer than this over the frequency of a contact are long, see [`long_step`].
+const LONG: f64 = 0.3;
+
+/// Steps longer than this (s) do not follow the oscillations of contacts with memory. Velocities are compared
+/// with `scale` (m/s), and the frequency of a contact that carries the typical force is v sqrt(kappa/r).
+pub(super) fn long_step(scene: &Scene, scale: f64) -> f64 {
+    let law = effects::law(scene);
+    let frequency = scale * (law.kappa / law.r).sqrt();
+    if law.memory.is_some() { LONG / frequency } else { f64::INFINITY }
+}
 
 /// A contact law of one's own and other body parameters than those of the scene.
 pub struct Physics<'a> {
@@ -79,12 +87,10 @@ pub(super) fn error_control(
             StepControl::new(rule, tolerance, solver.min_step, solver.max_step)
         }
     };
-    // With memory contacts oscillate. The frequency of one that carries the typical force is v sqrt(kappa/r).
-    let frequency = scale * (law.kappa / r).sqrt();
     let mean = (solver.norm == NormName::Mean).then_some(control.tolerance);
     let norm = Norm { weights, rate: paper, mean, rows: Vec::new() };
-    let oscillates = law.memory.is_some() && control.rule == StepRule::ProportionalIntegral;
-    let long = if oscillates { LONG / frequency } else { f64::INFINITY };
+    let free = control.rule == StepRule::ProportionalIntegral;
+    let long = if free { long_step(scene, scale) } else { f64::INFINITY };
     (norm, StepControl { long, ..control })
 }
 
@@ -96,7 +102,7 @@ pub(super) fn own_weights(dynamics: &Dynamics, norm: &Norm) -> Vec<f64> {
 
 /// Largest number of state vectors that the methods of the scene use.
 pub fn state_vectors(scene: &Scene) -> usize {
-    Integrator::new(scene.solver.method, auto_plan(scene)).vectors()
+    Integrator::new(scene.solver.method, auto_plan(scene, f64::INFINITY)).vectors()
 }
 
 /// How `auto` starts. It switches to the stabilised method where that needs less work.
@@ -106,14 +112,13 @@ pub fn state_vectors(scene: &Scene) -> usize {
 ///
 /// Without friction the motion is smooth and mostly not stiff: there the method of Dormand and Prince is
 /// cheaper.
-pub(super) fn auto_plan(scene: &Scene) -> AutoPlan {
+pub(super) fn auto_plan(scene: &Scene, long: f64) -> AutoPlan {
     let Effects { variant, dissipative } = Effects::of(scene);
-    let oscillates = effects::law(scene).memory.is_some();
     if variant == Variant::Basic {
         let reason = "without friction the motion is smooth";
-        AutoPlan { explicit: &DORMAND_PRINCE, reason, is_damped: dissipative, oscillates }
+        AutoPlan { explicit: &DORMAND_PRINCE, reason, is_damped: dissipative, long }
     } else {
-        AutoPlan { explicit: &MERSON, reason: "friction is not very smooth", is_damped: true, oscillates }
+        AutoPlan { explicit: &MERSON, reason: "friction is not very smooth", is_damped: true, long }
     }
 }
 

@@ -3,7 +3,7 @@
 use super::Simulation;
 use super::physics::own_weights;
 use crate::error::Error;
-use crate::ode::controller::GROWTH;
+use crate::ode::controller::{GROWTH, SAFETY, SAFETY_OF_MEANS};
 use crate::ode::{Dissipation, Ivp, Limit, TrialOutcome};
 
 /// Number of consecutive forced steps that ends a run.
@@ -66,6 +66,10 @@ impl Simulation<'_> {
                 (self.progress.h, self.progress.limit) = (self.control.clamp(0.5 * h), Limit::Travel);
                 continue;
             }
+            // At rest only the error of an explicit method tells how far it is from stable: there it must stay
+            // well below the tolerance.
+            let is_mean = self.norm.mean.is_some() && self.integrator.is_stabilised();
+            self.control.safety = if is_mean { SAFETY_OF_MEANS } else { SAFETY };
             let decision = self.control.judge(h, outcome.error, self.integrator.error_order());
             (self.progress.h, self.progress.limit) = (decision.next, decision.limit);
             if decision.accept {

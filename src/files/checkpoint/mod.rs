@@ -25,7 +25,7 @@ pub use read::{look, read, verify};
 pub use write::write;
 
 /// Version of the file format. The program reads no other one.
-pub const FORMAT: u32 = 7;
+pub const FORMAT: u32 = 8;
 
 /// Everything in a checkpoint except the particles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
