@@ -243,6 +243,26 @@ fn the_spectral_radius_of_damping_and_of_an_oscillation_is_found() {
 }
 
 #[test]
+fn a_steady_stiffness_falls_slowly_in_the_estimate_and_rises_at_once() {
+    // Damping is strong until t = 1.
+    let force: Solve = |t, p| if t < 1.0 { -500.0 * p.v } else { -5.0 * p.v };
+    let mut ivp = Points::new(force);
+    let (mut trial, mut radius) = (TrialStep::default(), SpectralRadius::default());
+    let mut bound = |t: f64, steady: bool| {
+        let mut step_start = StepStart::new(t, vec![1.0, 0.2]);
+        step_start.find_slope(&mut ivp);
+        radius.doubt();
+        radius.update(&mut ivp, &mut step_start, &mut trial, steady);
+        radius.bound()
+    };
+    let stiff = bound(0.0, true);
+    let fallen = bound(2.0, true);
+    assert!((fallen / stiff - 0.95).abs() < 1e-3, "{fallen} after {stiff}");
+    assert!(bound(2.0, false) < 10.0);
+    assert!((bound(0.0, true) / stiff - 1.0).abs() < 1e-3);
+}
+
+#[test]
 fn first_same_as_last_and_rejected_trials_save_right_hand_sides() {
     let counts = |method: &mut dyn Method| integrate(method, free_pendulum, 10).1;
     assert_eq!(counts(&mut RungeKutta::new(&MERSON)), 50);
