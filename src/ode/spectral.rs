@@ -15,7 +15,7 @@ const SHARED: u32 = 2;
 /// The same where stiffness is steady.
 const SHARED_IF_STEADY: u32 = 4;
 /// Where stiffness is steady, an estimate is at least this share of the one before. The images of an oscillation
-/// are shorter than it stretches for half a turn, which may be several estimates.
+/// stay short for half a turn, which may be several estimates.
 const LEFT: f64 = 0.95;
 /// The iteration ends when it changes the estimate by less than this share.
 const SETTLED: f64 = 0.1;
