@@ -1,7 +1,8 @@
 //! The build without MPI beside the one with it: the same bits in the files of both, and either goes on with
 //! what the other began. launch/test-long.sh makes the other build and names it in DEMHYBRID_WITHOUT_MPI.
 
-use crate::mpirun::{Job, PACKAGE, PROGRAM, Results, assert_same_bits, signal_job};
+use crate::mpirun::{Job, PACKAGE, PROGRAM, signal_job};
+use crate::results::{Results, assert_same_bits};
 use rustix::process::Signal;
 use std::fs;
 use std::path::{Path, PathBuf};

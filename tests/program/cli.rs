@@ -1,6 +1,7 @@
 //! The command line as a user meets it: help, dry runs, names of files, exit codes, what a file records.
 
-use crate::mpirun::{Job, PACKAGE, Results, assert_same_bits, progress_lines};
+use crate::mpirun::{Job, PACKAGE, progress_lines};
+use crate::results::{Results, assert_same_bits};
 use demhybrid::math::digits::short;
 use demhybrid::math::instructions::InstructionSet;
 use std::fs;

@@ -26,6 +26,7 @@ mod readers;
 mod regions;
 mod render;
 mod restart;
+mod results;
 #[cfg(feature = "mpi")]
 mod sizes;
 #[cfg(feature = "mpi")]

@@ -1,7 +1,8 @@
 //! The program under mpirun: the same bits on any number of ranks and threads, and no job that hangs or
 //! vanishes.
 
-use crate::mpirun::{Job, PACKAGE, Results, assert_same_bits, kill, progress_lines};
+use crate::mpirun::{Job, PACKAGE, kill, progress_lines};
+use crate::results::{Results, assert_same_bits};
 use std::fmt::Write;
 use std::fs;
 use std::os::unix::fs::PermissionsExt;

@@ -5,8 +5,9 @@
 //! read: the readers cannot be a condition for building the program, and launch/test.sh, which decides what
 //! lands, always has them.
 
-use crate::mpirun::{Job, PACKAGE, Results, kill};
+use crate::mpirun::{Job, PACKAGE, kill};
 use crate::python::{python, run_python};
+use crate::results::Results;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;

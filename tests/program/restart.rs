@@ -1,7 +1,8 @@
 //! Runs that are stopped, killed or robbed of their file, and taken up again: nothing that was on the disk is
 //! lost, and the end is the same to the last bit.
 
-use crate::mpirun::{Ended, Job, Results, Running, assert_same_bits, kill, signal, signal_job};
+use crate::mpirun::{Ended, Job, Running, kill, signal, signal_job};
+use crate::results::{Results, assert_same_bits};
 use rustix::process::Signal;
 use std::fs;
 use std::path::{Path, PathBuf};

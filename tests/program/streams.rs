@@ -1,6 +1,7 @@
 //! Where the streams of the program lead nowhere: what it could not say is told, and no run is lost.
 
-use crate::mpirun::{Ended, Job, PROGRAM, Results, signal_job};
+use crate::mpirun::{Ended, Job, PROGRAM, signal_job};
+use crate::results::Results;
 use rustix::process::Signal;
 use std::fs;
 use std::path::Path;

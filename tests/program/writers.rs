@@ -1,8 +1,9 @@
 //! Two processes and one output file: one writes, the others are refused, and no file holds frames that
 //! nobody computed.
 
-use crate::mpirun::{Ended, Job, Results, Running, kill, signal_job};
+use crate::mpirun::{Ended, Job, Running, kill, signal_job};
 use crate::python::{python, run_python};
+use crate::results::Results;
 use rustix::process::Signal;
 use std::fs;
 use std::os::unix::fs::symlink;
