@@ -45,12 +45,12 @@ fn what_was_recorded_gives_the_same_run_without_the_key() {
     let options = ["init", "a.toml", "--radius", "1e-3", "--count", "30", "--overlap", "0.1"];
     Job::alone(folder.path(), &options).run().with_code(0);
     Job::alone(folder.path(), &["a.toml", "-q", "--set", "t_end=0.05"]).run().with_code(0);
-    let file = crate::mpirun::Results::open(&folder.path().join("a.vtkhdf"));
+    let file = crate::results::Results::open(&folder.path().join("a.vtkhdf"));
     let recorded = file.text("scene");
     assert!(recorded.contains("stiffness_exponent") && !recorded.contains("overlap ="), "{recorded}");
     fs::write(folder.path().join("b.toml"), recorded).unwrap();
     Job::alone(folder.path(), &["b.toml", "-q", "-o", "b.vtkhdf"]).run().with_code(0);
-    let again = crate::mpirun::Results::open(&folder.path().join("b.vtkhdf"));
+    let again = crate::results::Results::open(&folder.path().join("b.vtkhdf"));
     assert_eq!(file.bits("VTKHDF/Points"), again.bits("VTKHDF/Points"));
 }
 
