@@ -77,9 +77,9 @@ pub enum StepRule {
     Published,
     /// A proportional-integral rule.
     ///
-    /// The factor is safety (tolerance/error)^(0.7/order) (error before/tolerance)^(0.4/order), within 0.1..5.
-    /// Steps settle where the error is a share safety^(order/0.3) of the tolerance: about a tenth for the
-    /// usual 0.8 and order 3. They do not alternate between growth and rejection.
+    /// The factor is safety (tolerance/error)^(0.7/order) (error before/tolerance)^(0.4/order), within
+    /// 0.1..5. Steps settle where the error is a share safety^(order/0.3) of the tolerance: about a tenth for
+    /// the usual 0.8 and order 3. They do not alternate between growth and rejection.
     ///
     /// K. Gustafsson, ACM TOMS 17 (1991) 533; E. Hairer, G. Wanner, Solving ODEs II, IV.2.
     ProportionalIntegral,
@@ -141,11 +141,11 @@ const LEAST_LOW: f64 = 1e-10;
 /// The factor for the step after a long one, and what decided it. `wanted` is what its `error` over tolerance
 /// alone would give.
 ///
-/// A long step does not follow the fastest oscillations. Nothing shows that they are stable but that they fade.
-/// So a long step grows only where its error is the lowest of all. It shrinks a little where it is not, and more
-/// where errors have grown threefold. Where they have done so twice running, or are thirty times the lowest of
-/// all, something is unstable: the next step is not long. So what comes to rest stays at rest, with steps as
-/// long as the method allows; where the motion goes on, steps shrink until they are not long.
+/// A long step does not follow the fastest oscillations. Nothing shows that they are stable but that they
+/// fade. So a long step grows only where its error is the lowest of all. It shrinks a little where it is not,
+/// and more where errors have grown threefold. Where they have done so twice running, or are thirty times the
+/// lowest of all, something is unstable: the next step is not long. So what comes to rest stays at rest, with
+/// steps as long as the method allows; where the motion goes on, steps shrink until they are not long.
 ///
 /// `share` is the longest step that is not long over this step.
 fn long_step(seen: &mut Option<Seen>, error: f64, wanted: (f64, Limit), share: f64) -> (f64, Limit) {

@@ -14,8 +14,8 @@ const SAFETY: f64 = 1.05;
 const SHARED: u32 = 2;
 /// The same where stiffness is steady.
 const SHARED_IF_STEADY: u32 = 4;
-/// Where stiffness is steady, an estimate is at least this share of the one before. The images of an oscillation
-/// stay short for half a turn, which may be several estimates.
+/// Where stiffness is steady, an estimate is at least this share of the one before. The images of an
+/// oscillation stay short for half a turn, which may be several estimates.
 const LEFT: f64 = 0.95;
 /// The iteration ends when it changes the estimate by less than this share.
 const SETTLED: f64 = 0.1;
@@ -59,9 +59,9 @@ impl SpectralRadius {
     ///
     /// Returns the number of right-hand sides evaluated. `trial` is used as work space: its result is lost.
     ///
-    /// `steady` says that stiffness never jumps, as it does where the paper's friction stops a contact. Then an
-    /// estimate serves longer and falls slowly, and a failed step is a reason for a new estimate, but not for
-    /// doubts about the direction.
+    /// `steady` says that stiffness never jumps, as it does where the paper's friction stops a contact. Then
+    /// an estimate serves longer and falls slowly, and a failed step is a reason for a new estimate, but not
+    /// for doubts about the direction.
     pub fn update(
         &mut self,
         ivp: &mut dyn Ivp,

@@ -148,7 +148,8 @@ pub fn results_on(folder: &Path, ranks: usize, threads: &str) -> Results {
     Results::open(&folder.join("scene.vtkhdf"))
 }
 
-/// Fails unless `scene.toml` of a folder has the bits of `alone`, a run of one thread, on any ranks and threads.
+/// Fails unless `scene.toml` of a folder has the bits of `alone`, a run of one thread, on any ranks and
+/// threads.
 #[track_caller]
 pub fn assert_same_anywhere(alone: &Results, folder: &Path) {
     for (ranks, threads) in [(0, "2"), (2, "1"), (3, "2")] {

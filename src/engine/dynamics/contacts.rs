@@ -268,8 +268,8 @@ impl Dynamics<'_> {
         let particles = self.particle_numbers();
         let tails: Vec<&[f64]> = vectors.iter().map(|vector| &vector[particles..]).collect();
         let Contacts { keys, counted, .. } = &self.contacts;
-        // Of two rows of a contact one rank takes the one that counts. Of several ranks each knows where one of
-        // the particles goes, and `exchange` leaves one record of a contact.
+        // Of two rows of a contact one rank takes the one that counts. Of several ranks each knows where one
+        // of the particles goes, and `exchange` leaves one record of a contact.
         let several = self.domain.comm.size() > 1;
         let rows = (0..keys.len()).filter(|&row| keys[row] != FREE && (several || counted[row]));
         let records = ContactRecords::of(rows, keys, &tails, self.forces.memory_width());
@@ -277,8 +277,8 @@ impl Dynamics<'_> {
         records
     }
 
-    /// Puts the memories of `records` to the ends of the vectors, in place of what is there, for the contacts on
-    /// new lists.
+    /// Puts the memories of `records` to the ends of the vectors, in place of what is there, for the contacts
+    /// on new lists.
     pub(super) fn put_records(&mut self, records: &ContactRecords, vectors: &mut [&mut Vec<f64>]) {
         if self.forces.memory_width() == 0 {
             return;

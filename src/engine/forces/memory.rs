@@ -5,8 +5,8 @@
 //! that leaves gives its row back. A pair of particles in two blocks, or on two ranks, has a row in both,
 //! with the same bits. Nothing depends on which row a contact has.
 //!
-//! Contacts change between steps only. [`Forces::find_contacts`] looks at the bodies of the last stage of a trial
-//! step, and [`Forces::take_contacts`] follows once that step is accepted.
+//! Contacts change between steps only. [`Forces::find_contacts`] looks at the bodies of the last stage of a
+//! trial step, and [`Forces::take_contacts`] follows once that step is accepted.
 
 use super::block_bodies::BlockBodies;
 use super::blocks::each_block;

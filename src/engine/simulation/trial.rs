@@ -66,8 +66,8 @@ impl Simulation<'_> {
                 (self.progress.h, self.progress.limit) = (self.control.clamp(0.5 * h), Limit::Travel);
                 continue;
             }
-            // At rest only the error of an explicit method tells how far it is from stable: there it must stay
-            // well below the tolerance.
+            // At rest only the error of an explicit method tells how far it is from stable: there it must
+            // stay well below the tolerance.
             let is_mean = self.norm.mean.is_some() && self.integrator.is_stabilised();
             self.control.safety = if is_mean { SAFETY_OF_MEANS } else { SAFETY };
             let decision = self.control.judge(h, outcome.error, self.integrator.error_order());
