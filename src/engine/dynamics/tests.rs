@@ -399,19 +399,40 @@ fn a_memory_keeps_its_direction_where_new_lists_turn_the_pair_round() {
     }
 }
 
+/// A sphere at `x` (m) that moves along x and y with `v` (m/s) each, and turns.
+fn fast(x: f64, v: f64) -> Body {
+    body(Vec3::x() * x, Vec3::new(v, v, 0.0), Vec3::new(0.2 * v, 0.1 * v, 0.3))
+}
+
+/// Takes a step of 2 ms and takes over the contacts at its end.
+fn step(dynamics: &mut Dynamics, start: &mut StepStart) {
+    let norm = Norm { weights: vec![vec![1.0; 9], vec![1.0; 7]], rate: false, mean: None, rows: Vec::new() };
+    let (mut trial, mut method) = (TrialStep::default(), RungeKutta::new(&DORMAND_PRINCE));
+    method.attempt(dynamics, start, 2e-3, &norm, &mut trial);
+    std::mem::swap(&mut start.y, &mut trial.next);
+    std::mem::swap(&mut start.slope, &mut trial.slope);
+    dynamics.follow_contacts(start);
+}
+
+#[test]
+fn a_contact_that_parts_leaves_nothing_in_its_row() {
+    // They part with 2 m/s: they are within reach, and 2 ms later beyond it.
+    let (mut dynamics, mut start) =
+        remembering_pair([fast(0.0, -1.0), fast(0.248, 1.0)], [0.05, 0.02].map(Some));
+    assert_eq!(dynamics.contacts.keys[..2], [[0, 1], FREE]);
+    start.y[18..25].copy_from_slice(&[0.1, 0.3, 0.0, 0.0, 0.4, 0.0, 0.5]);
+    step(&mut dynamics, &mut start);
+    assert!(dynamics.contacts.keys.iter().all(|key| *key == FREE));
+    assert!(start.y[18..].iter().chain(&start.slope[18..]).all(|number| *number == 0.0), "{:?}", start.y);
+}
+
 #[test]
 fn a_new_contact_begins_with_its_own_rate() {
     // They close with 2 m/s and slip; at first they are out of reach.
-    let fast = |x: f64, v: f64| body(Vec3::x() * x, Vec3::new(v, v, 0.0), Vec3::new(0.2 * v, 0.1 * v, 0.3));
     let (mut dynamics, mut start) =
         remembering_pair([fast(0.0, 1.0), fast(0.252, -1.0)], [0.05, 0.02].map(Some));
     assert!(dynamics.contacts.keys.iter().all(|key| *key == FREE));
-    let norm = Norm { weights: vec![vec![1.0; 9], vec![1.0; 7]], rate: false, mean: None, rows: Vec::new() };
-    let (mut trial, mut method) = (TrialStep::default(), RungeKutta::new(&DORMAND_PRINCE));
-    method.attempt(&mut dynamics, &mut start, 2e-3, &norm, &mut trial);
-    std::mem::swap(&mut start.y, &mut trial.next);
-    std::mem::swap(&mut start.slope, &mut trial.slope);
-    dynamics.follow_contacts(&mut start);
+    step(&mut dynamics, &mut start);
     assert_eq!(dynamics.contacts.keys[..2], [[0, 1], FREE]);
     assert_eq!(start.y.len(), start.slope.len());
     assert!(start.y[18..].iter().chain(&start.slope[25..]).all(|number| *number == 0.0));

@@ -120,7 +120,7 @@ fn near_contacts<'a>(
     pairs.chain(of_walls)
 }
 
-/// Adds the rate of the memory of a new contact, in place `place`, to `rates`; see `Found::places`.
+/// Adds the rate of the memory of a new contact, in place `place`, to `rates`; see [`Found`].
 fn add_first_rate(
     laws: &Laws,
     (block, local): (&Block, &BlockBodies),

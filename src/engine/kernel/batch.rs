@@ -52,8 +52,8 @@ pub struct Batch {
 /// Most numbers in the memory of a contact: shear, rolling and twisting.
 pub const MOST_MEMORY: usize = SHEAR + 3 + 1;
 
-/// Numbers behind the memories of the contacts of a block, all 0; as many as the longest memory has, and enough
-/// for a row of [`Lanes`] that begins with them.
+/// Numbers behind the memories of the contacts of a block, all 0; as many as the longest memory has, and
+/// enough for a row of [`Lanes`] that begins with them.
 pub const BEHIND_MEMORIES: usize = MOST_MEMORY;
 
 impl Default for Batch {

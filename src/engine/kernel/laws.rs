@@ -66,8 +66,8 @@ impl Laws {
         self.kernels.iter().map(|kernel| kernel.stored(gap)).fold(0.0, crate::math::larger)
     }
 
-    /// The stiffness of each number of a memory in a class, J: what the memory stores is half of that times the
-    /// square of the number.
+    /// The stiffness of each number of a memory in a class, J: what the memory stores is half of that times
+    /// the square of the number.
     pub fn stiffness(&self, class: usize) -> &[f64] {
         &self.stiffness[class]
     }

@@ -68,8 +68,8 @@ impl Simulation<'_> {
             }
             // At rest only the error of an explicit method tells how far it is from stable: there it must
             // stay well below the tolerance.
-            let is_mean = self.norm.mean.is_some() && self.integrator.is_stabilised();
-            self.control.safety = if is_mean { SAFETY_OF_MEANS } else { SAFETY };
+            let comes_close = self.norm.mean.is_some() && self.integrator.is_stabilised();
+            self.control.safety = if comes_close { SAFETY_OF_MEANS } else { SAFETY };
             let decision = self.control.judge(h, outcome.error, self.integrator.error_order());
             (self.progress.h, self.progress.limit) = (decision.next, decision.limit);
             if decision.accept {
