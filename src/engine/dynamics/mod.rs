@@ -38,7 +38,9 @@ const FREE_PATH: f64 = 0.2;
 /// How far the cutoff of lists and ghosts exceeds `l_max`, as a share of the radius.
 ///
 /// Two particles may approach each other. So lists always have all pairs up to a gap of `l_max` and two
-/// travels, however far particles have moved since the lists were built.
+/// travels, however far particles have moved since the lists were built. Where contacts are evaluated up to a
+/// smaller gap only, lists may serve longer and have all pairs up to that gap and two travels; see
+/// `Dynamics::listed_gap`.
 pub const SKIN: f64 = 2.0 * (FREE_PATH + TRAVEL);
 
 /// Time spent in the parts of the work on this rank.
@@ -429,16 +431,26 @@ impl<'c> Dynamics<'c> {
 
     /// How far a particle may move before the lists must be rebuilt, m.
     fn free_path(&self) -> f64 {
-        FREE_PATH * self.law().r
+        FREE_PATH * self.law().r + 0.5 * (self.l_max - self.listed_gap())
+    }
+
+    /// The gap (m) up to which all pairs, and what they approach within two travels, stay on the lists.
+    ///
+    /// With memory it is the gap up to which contacts are evaluated, so that lists serve as long as they can.
+    /// Without memory it is `l_max`: the steps of such scenes also look at pairs that are not evaluated.
+    /// Particles of unequal sizes move by shares of their radii, for which a gap is no measure.
+    fn listed_gap(&self) -> f64 {
+        let follows = self.forces.memory_width() > 0 && !self.columns().sized();
+        if follows { self.law().l_max } else { self.l_max }
     }
 
     /// The fastest approach of this rank's contacts in the current bodies, 1/s; see
     /// [`Forces::fastest_approach`].
     ///
-    /// It takes contacts up to a gap of l_max and two travels. All lists have these, whenever they were
+    /// It takes contacts up to the `listed_gap` and two travels. All lists have these, whenever they were
     /// built, so the result does not depend on lists. Contacts beyond cannot meet within one step.
     pub(super) fn fastest_approach(&mut self, least: f64) -> f64 {
-        self.forces.fastest_approach(least, self.l_max, TRAVEL)
+        self.forces.fastest_approach(least, self.listed_gap(), TRAVEL)
     }
 
     /// From now on computes the dissipated power with every right-hand side. This takes two more passes over

@@ -337,16 +337,16 @@ fn columns_that_do_not_change_follow_particles_and_their_ghosts() {
     }
 }
 
-/// Two spheres that remember, without walls and weight, at these states.
-fn remembering_pair(states: [Body; 2], resistance: [Option<f64>; 2]) -> (Dynamics<'static>, StepStart) {
+/// Spheres that remember, without walls and weight, at these states.
+fn remembering(states: &[Body], resistance: [Option<f64>; 2]) -> (Dynamics<'static>, StepStart) {
     let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.5, resistance };
     let law = LawParameters { memory: Some(memory), ..LAW };
     let kernel = move |set| kernel::kernel(ALL_EFFECTS, law, set).into();
     let parameters =
         BodyParameters { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::zeros(), walls: Vec::new() };
+    let (ids, columns) = ((0..states.len() as u64).collect(), Columns::new(true));
     let mut y: Vec<f64> = states.as_flattened().to_vec();
-    let particles =
-        Particles { ids: vec![0, 1], columns: Columns::new(true), constants: Vec::new(), y: &mut y };
+    let particles = Particles { ids, columns, constants: Vec::new(), y: &mut y };
     let mut dynamics = Dynamics::new(&Solo, &kernel, parameters, 1.0, particles, &mut []).unwrap();
     dynamics.remember_within(0.05);
     dynamics.start_contacts(&mut y);
@@ -370,7 +370,7 @@ fn first_slope(dynamics: &mut Dynamics, step_start: &mut StepStart) -> Body {
 #[test]
 fn a_memory_keeps_its_direction_where_new_lists_turn_the_pair_round() {
     // Cells are 0.36 m wide: at first particle 0 is in the lower cell, then in the higher one.
-    let (mut dynamics, mut start) = remembering_pair([at(0.3), at(0.45)], [0.05, 0.02].map(Some));
+    let (mut dynamics, mut start) = remembering(&[at(0.3), at(0.45)], [0.05, 0.02].map(Some));
     // The first row is that of the contact, the others are free.
     assert_eq!(dynamics.contacts.keys[..2], [[0, 1], FREE]);
     // Shear and rolling along y, and a twist.
@@ -417,8 +417,7 @@ fn step(dynamics: &mut Dynamics, start: &mut StepStart) {
 #[test]
 fn a_contact_that_parts_leaves_nothing_in_its_row() {
     // They part with 2 m/s: they are within reach, and 2 ms later beyond it.
-    let (mut dynamics, mut start) =
-        remembering_pair([fast(0.0, -1.0), fast(0.248, 1.0)], [0.05, 0.02].map(Some));
+    let (mut dynamics, mut start) = remembering(&[fast(0.0, -1.0), fast(0.248, 1.0)], [0.05, 0.02].map(Some));
     assert_eq!(dynamics.contacts.keys[..2], [[0, 1], FREE]);
     start.y[18..25].copy_from_slice(&[0.1, 0.3, 0.0, 0.0, 0.4, 0.0, 0.5]);
     step(&mut dynamics, &mut start);
@@ -429,8 +428,7 @@ fn a_contact_that_parts_leaves_nothing_in_its_row() {
 #[test]
 fn a_new_contact_begins_with_its_own_rate() {
     // They close with 2 m/s and slip; at first they are out of reach.
-    let (mut dynamics, mut start) =
-        remembering_pair([fast(0.0, 1.0), fast(0.252, -1.0)], [0.05, 0.02].map(Some));
+    let (mut dynamics, mut start) = remembering(&[fast(0.0, 1.0), fast(0.252, -1.0)], [0.05, 0.02].map(Some));
     assert!(dynamics.contacts.keys.iter().all(|key| *key == FREE));
     step(&mut dynamics, &mut start);
     assert_eq!(dynamics.contacts.keys[..2], [[0, 1], FREE]);
@@ -441,5 +439,37 @@ fn a_new_contact_begins_with_its_own_rate() {
     assert!([1, 4, 6].iter().all(|&k| kept[k].abs() > 1.0), "{kept:?}");
     for (kept, found) in kept.iter().zip(&start.slope[18..25]) {
         assert!((kept - found).abs() <= 1e-12 * kept.abs(), "{kept} {found}");
+    }
+}
+
+#[test]
+fn lists_at_the_end_of_their_life_answer_as_new_ones_do() {
+    // Pairs whose gaps are about as wide as the lists reach, 0.16 m. The partners move towards each other.
+    let ends = (0..60).map(|k| (f64::from(k), 0.35 + 5e-4 * f64::from(k)));
+    let states = ends.flat_map(|(k, apart)| {
+        let sphere = |x, v| body(Vec3::new(x, k, 0.0), Vec3::x() * v, Vec3::z() * v);
+        [sphere(0.0, 2.0 + k), sphere(apart, -2.0 - k)]
+    });
+    let states: Vec<Body> = states.collect();
+    for (gap, path) in [(f64::INFINITY, 0.02), (0.05, 0.045)] {
+        let (mut dynamics, mut start) = remembering(&states, [None, None]);
+        dynamics.evaluate_within(gap);
+        let way = 0.999_999 * dynamics.free_path();
+        assert!((way / path - 1.0).abs() < 1e-5, "{way}");
+        for (body, &id) in start.y.as_chunks_mut::<9>().0.iter_mut().zip(dynamics.ids()) {
+            body[0] += if id % 2 == 0 { way } else { -way };
+        }
+        let mut answer = || {
+            first_slope(&mut dynamics, &mut start);
+            let slopes = dynamics.ids().iter().zip(start.slope.as_chunks::<9>().0);
+            let slopes: BTreeMap<u64, [u64; 9]> =
+                slopes.map(|(&id, slope)| (id, slope.map(f64::to_bits))).collect();
+            let (approach, listed) = (dynamics.fastest_approach(0.0), dynamics.listed_pairs());
+            dynamics.rebuild(&mut start).unwrap();
+            (slopes, approach, listed)
+        };
+        let (old, new) = (answer(), answer());
+        assert!(old.2 < new.2, "there are pairs on new lists only: {} and {}", old.2, new.2);
+        assert!(new.1 > 0.0 && (old.0, old.1) == (new.0, new.1));
     }
 }

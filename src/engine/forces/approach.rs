@@ -115,13 +115,13 @@ impl Fastest {
 
 impl Forces {
     /// The largest v/(max(0, l - l_c) + 0.6/kappa) of all contacts of the current bodies, 1/s, or 0 if it is
-    /// not more than `least`. Contacts count up to a gap of `l_max` (m) and the share `travel` of both radii,
+    /// not more than `least`. Contacts count up to the gap `listed` (m) and the share `travel` of both radii,
     /// or of the diameter at a wall.
     ///
     /// Its inverse is the largest step that no impact forbids.
     ///
     /// A contact across ranks is seen by both.
-    pub fn fastest_approach(&mut self, least: f64, l_max: f64, travel: f64) -> f64 {
+    pub fn fastest_approach(&mut self, least: f64, listed: f64, travel: f64) -> f64 {
         let Forces { laws, parameters, lists, bounds, block_bodies, width, set, sizes, .. } = self;
         let alike = sizes.is_empty();
         let (law, width) = (laws.first().law(), *width);
@@ -132,7 +132,7 @@ impl Forces {
             let sizes = sizes_of(sizes, laws.first(), parameters);
             let fastest = Fastest::of(bodies.chunks_exact(width).map(velocity));
             let body = |slot: u32| &bodies[slot as usize * width..];
-            let within = |surfaces: f64| [surfaces, l_max + travel * surfaces];
+            let within = |surfaces: f64| [surfaces, listed + travel * surfaces];
             if fastest.pair > approach.slow() {
                 let reach = if alike { within(2.0 * law.r).iter().sum() } else { f64::INFINITY };
                 let slow = approach.slow();
@@ -155,7 +155,7 @@ impl Forces {
                 let (depth, speed) = (wall.depth(&position(body)), wall.normal.dot(&velocity(body)));
                 // A centre beyond the wall is as deep as can be: its distance counts as 0.
                 let depth = depth.max(f64::MIN_POSITIVE.sqrt());
-                approach.take(speed * depth, depth * depth, [r, l_max + travel * 2.0 * r], mass);
+                approach.take(speed * depth, depth * depth, [r, listed + travel * 2.0 * r], mass);
             }
             approach.most
         };
