@@ -68,7 +68,7 @@ impl Integrator {
             MethodName::VelocityVerlet => fixed(Box::new(Verlet)),
             MethodName::Chebyshev => fixed(stabilised()),
             MethodName::Auto => {
-                let switch = MethodSwitch::new(auto.explicit, auto.reason);
+                let switch = MethodSwitch::new(auto.explicit, auto.reason, auto.long < f64::INFINITY);
                 let switch = if auto.is_damped { switch } else { switch.forever() };
                 let resting = Some((stabilised(), switch));
                 Integrator { active: table(auto.explicit), resting, stable: None, spent: 0 }

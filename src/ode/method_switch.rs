@@ -12,6 +12,8 @@ const TRIAL: u64 = 24;
 /// Steps of the explicit method before stiffness is checked. Doubled whenever the stabilised method was no
 /// better.
 const PATIENCE: u64 = 256;
+/// The same for a problem that oscillates. Its stiffness does not jump, so a method of order 2 follows it well.
+const PATIENCE_IF_OSCILLATING: u64 = 64;
 /// Upper limit of that number.
 const MOST_PATIENCE: u64 = 65536;
 /// Factor by which the explicit method must be cheaper to replace a stabilised method that has proved itself.
@@ -37,6 +39,8 @@ pub struct MethodSwitch {
     explicit: &'static Tableau,
     reason: &'static str,
     fixed: bool,
+    /// Steps before stiffness is checked first.
+    patience: u64,
     tally: Tally,
 }
 
@@ -62,8 +66,10 @@ pub struct Tally {
 }
 
 impl MethodSwitch {
-    /// Starts with the explicit method `explicit`, for the given `reason`.
-    pub fn new(explicit: &'static Tableau, reason: &'static str) -> Self {
+    /// Starts with the explicit method `explicit`, for the given `reason`. `oscillates` says whether the
+    /// problem does.
+    pub fn new(explicit: &'static Tableau, reason: &'static str, oscillates: bool) -> Self {
+        let patience = if oscillates { PATIENCE_IF_OSCILLATING } else { PATIENCE };
         let tally = Tally {
             active: Kind::Explicit,
             window: WINDOW,
@@ -71,13 +77,13 @@ impl MethodSwitch {
             time: 0.0,
             spent: 0,
             explicit_need: 0.0,
-            patience: PATIENCE,
+            patience,
             bound: None,
             last: 0.0,
             taken: [0; 2],
             changes: 0,
         };
-        MethodSwitch { explicit, reason, fixed: false, tally }
+        MethodSwitch { explicit, reason, fixed: false, patience, tally }
     }
 
     /// A switch that always stays with the first method.
@@ -153,7 +159,7 @@ impl MethodSwitch {
                 self.restart();
                 if !cheaper {
                     // The stabilised method has proved itself: try it again soon after the next switch.
-                    self.tally.patience = PATIENCE;
+                    self.tally.patience = self.patience;
                     return None;
                 }
                 self.tally.patience = (2 * self.tally.patience).min(MOST_PATIENCE);
@@ -208,7 +214,7 @@ mod tests {
 
     /// A switch whose stabilised method is active and has proved itself.
     fn stabilised() -> MethodSwitch {
-        let switch = MethodSwitch::new(&MERSON, "of the test");
+        let switch = MethodSwitch::new(&MERSON, "of the test", false);
         let tally = Tally { active: Kind::Stabilised, changes: 1, ..switch.tally };
         MethodSwitch { tally, ..switch }
     }
@@ -258,20 +264,22 @@ mod tests {
     #[test]
     fn an_explicit_method_at_its_edge_gives_way() {
         for (bound, changes) in [(2e4, true), (5e3, false)] {
-            let mut switch = MethodSwitch::new(&DORMAND_PRINCE, "of the test");
-            for _ in 0..PATIENCE {
-                assert!(!switch.wants_stiffness());
-                switch.step(1.5e-4, Limit::Error, 6, None);
+            for (oscillates, patience) in [(false, 256), (true, 64)] {
+                let mut switch = MethodSwitch::new(&DORMAND_PRINCE, "of the test", oscillates);
+                for _ in 0..patience {
+                    assert!(!switch.wants_stiffness());
+                    switch.step(1.5e-4, Limit::Error, 6, None);
+                }
+                assert!(switch.wants_stiffness());
+                switch.learn(bound);
+                assert_eq!(switch.change().is_some(), changes);
             }
-            assert!(switch.wants_stiffness());
-            switch.learn(bound);
-            assert_eq!(switch.change().is_some(), changes);
         }
     }
 
     #[test]
     fn a_choice_for_ever_is_never_looked_at_again() {
-        let mut switch = MethodSwitch::new(&DORMAND_PRINCE, "of the test").forever();
+        let mut switch = MethodSwitch::new(&DORMAND_PRINCE, "of the test", false).forever();
         for _ in 0..10 * PATIENCE {
             switch.step(1.0, Limit::Error, 6, None);
             assert!(!switch.wants_stiffness() && switch.change().is_none());
