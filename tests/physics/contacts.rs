@@ -48,8 +48,8 @@ fn a_bed_has_as_many_contacts_across_gaps_as_in_overlap() {
     let (across_gaps, hard_mean, hard_loose) = measured(&hard_scene, hard_run.end());
     println!("F_0 = 1000 N: coordination {hard_mean}, {hard_loose} rattlers");
     assert!(across_gaps.overlapping.is_empty(), "{:?}", across_gaps.overlapping);
-    // Three seeds moved by 0.2, 1.6 and 2.1 %; seeds differ by 1.5 % among themselves.
-    assert_near("coordination of the hard bed", hard_mean, mean, 0.04 * mean);
+    // 24 seeds moved by 1.8 +- 2.4 % at tolerance 1e-3, and by 2.8 +- 2.5 % at the default.
+    assert_near("coordination of the hard bed", hard_mean, mean, 0.1 * mean);
     assert!(hard_loose <= 6 && loose <= 6, "{hard_loose} {loose}");
     // The floor bears most of the weight, or more where spheres are wedged between walls that rub.
     let weight_of = |found: &Contacts| found.walls[4].normal_force / (200.0 * 9.81);
