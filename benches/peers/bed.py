@@ -139,6 +139,13 @@ def digest(path):
     return parts.hexdigest()[:16]
 
 
+def last(path):
+    """Centres by id, of a state that LAMMPS wrote."""
+    with open(path, encoding="ascii") as file:
+        next(line for line in file if line.startswith("ITEM: ATOMS id x y z "))
+        return np.loadtxt(file, ndmin=2)[:, 1:4]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -161,6 +168,8 @@ def main():
     command("digest", digest.__doc__, "run")
     command("motion", "largest speed (m/s) and highest centre (m) of a bed", "bed")
 
+    command("apart", "largest distance of a sphere in two states that LAMMPS wrote, m", "one", "other")
+
     args = parser.parse_args()
     if args.command == "csv":
         write(args.csv, frame(args.run, args.frame))
@@ -179,6 +188,8 @@ def main():
     elif args.command == "motion":
         bed = read(args.bed)
         print(f"{np.linalg.norm(bed[:, 3:6], axis=1).max():.3g} {bed[:, 2].max():.3f}")
+    elif args.command == "apart":
+        print(f"{np.linalg.norm(last(args.one) - last(args.other), axis=1).max():.6g}")
 
 
 if __name__ == "__main__":

@@ -57,6 +57,7 @@ const EXCEPTIONS: &[(&str, Fate)] = &[
     ("launch/strong-scaling.sh", Left("settles 20 000 spheres, which takes minutes")),
     ("launch/weak-scaling.sh", Left("settles 20 000 spheres, which takes minutes")),
     ("QUICK=1 launch/compare-peers.sh", Left("needs LAMMPS and LIGGGHTS, and takes long")),
+    ("launch/peer-accuracy.sh", Left("needs LAMMPS, and takes minutes")),
     ("demhybrid accuracy configs/quick.toml", Long),
     ("demhybrid accuracy configs/settle.toml", Long),
     ("demhybrid accuracy bed.toml", Long),
