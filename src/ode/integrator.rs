@@ -16,6 +16,8 @@ pub struct AutoPlan {
     pub reason: &'static str,
     /// Whether the problem is damped. If not, the stabilised method is never used.
     pub is_damped: bool,
+    /// Steps of the explicit method before the other one is asked.
+    pub patience: u64,
     /// Steps longer than this do not follow oscillations, which the stabilised method then damps, s; infinite
     /// if there are none.
     pub long: f64,
@@ -27,10 +29,11 @@ pub struct AutoPlan {
 ///
 /// ```rust
 /// use demhybrid::ode::integrator::{AutoPlan, Integrator};
+/// use demhybrid::ode::method_switch::PATIENCE;
 /// use demhybrid::ode::{MERSON, MethodName};
 ///
 /// let (reason, long) = ("the motion is rough", f64::INFINITY);
-/// let plan = AutoPlan { explicit: &MERSON, reason, is_damped: true, long };
+/// let plan = AutoPlan { explicit: &MERSON, reason, is_damped: true, patience: PATIENCE, long };
 /// let auto = Integrator::new(MethodName::Auto, plan);
 /// assert!(!auto.is_stabilised()); // not before the stiffness is known
 /// assert!(auto.report().contains("merson"));
@@ -68,7 +71,7 @@ impl Integrator {
             MethodName::VelocityVerlet => fixed(Box::new(Verlet)),
             MethodName::Chebyshev => fixed(stabilised()),
             MethodName::Auto => {
-                let switch = MethodSwitch::new(auto.explicit, auto.reason, auto.long < f64::INFINITY);
+                let switch = MethodSwitch::new(auto.explicit, auto.reason, auto.patience);
                 let switch = if auto.is_damped { switch } else { switch.forever() };
                 let resting = Some((stabilised(), switch));
                 Integrator { active: table(auto.explicit), resting, stable: None, spent: 0 }

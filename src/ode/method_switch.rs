@@ -9,11 +9,11 @@ const WINDOW: u64 = 1024;
 /// The same while the stabilised method is only tried. The number is small, because the errors of these steps
 /// are those of a method of order 2.
 const TRIAL: u64 = 24;
-/// Steps of the explicit method before stiffness is checked. Doubled whenever the stabilised method was no
-/// better.
-const PATIENCE: u64 = 256;
-/// The same for a problem that oscillates. Its stiffness does not jump, so a method of order 2 follows it well.
-const PATIENCE_IF_OSCILLATING: u64 = 64;
+/// The usual number of steps of the explicit method before stiffness is checked. Doubled whenever the
+/// stabilised method was no better.
+pub const PATIENCE: u64 = 256;
+/// The same where a method of order 2 follows the first impacts well.
+pub const LITTLE_PATIENCE: u64 = 64;
 /// Upper limit of that number.
 const MOST_PATIENCE: u64 = 65536;
 /// Factor by which the explicit method must be cheaper to replace a stabilised method that has proved itself.
@@ -66,10 +66,9 @@ pub struct Tally {
 }
 
 impl MethodSwitch {
-    /// Starts with the explicit method `explicit`, for the given `reason`. `oscillates` says whether the
-    /// problem does.
-    pub fn new(explicit: &'static Tableau, reason: &'static str, oscillates: bool) -> Self {
-        let patience = if oscillates { PATIENCE_IF_OSCILLATING } else { PATIENCE };
+    /// Starts with the explicit method `explicit`, for the given `reason`, and checks stiffness after
+    /// `patience` steps of it.
+    pub fn new(explicit: &'static Tableau, reason: &'static str, patience: u64) -> Self {
         let tally = Tally {
             active: Kind::Explicit,
             window: WINDOW,
@@ -214,7 +213,7 @@ mod tests {
 
     /// A switch whose stabilised method is active and has proved itself.
     fn stabilised() -> MethodSwitch {
-        let switch = MethodSwitch::new(&MERSON, "of the test", false);
+        let switch = MethodSwitch::new(&MERSON, "of the test", PATIENCE);
         let tally = Tally { active: Kind::Stabilised, changes: 1, ..switch.tally };
         MethodSwitch { tally, ..switch }
     }
@@ -264,8 +263,8 @@ mod tests {
     #[test]
     fn an_explicit_method_at_its_edge_gives_way() {
         for (bound, changes) in [(2e4, true), (5e3, false)] {
-            for (oscillates, patience) in [(false, 256), (true, 64)] {
-                let mut switch = MethodSwitch::new(&DORMAND_PRINCE, "of the test", oscillates);
+            for patience in [PATIENCE, LITTLE_PATIENCE] {
+                let mut switch = MethodSwitch::new(&DORMAND_PRINCE, "of the test", patience);
                 for _ in 0..patience {
                     assert!(!switch.wants_stiffness());
                     switch.step(1.5e-4, Limit::Error, 6, None);
@@ -279,7 +278,7 @@ mod tests {
 
     #[test]
     fn a_choice_for_ever_is_never_looked_at_again() {
-        let mut switch = MethodSwitch::new(&DORMAND_PRINCE, "of the test", false).forever();
+        let mut switch = MethodSwitch::new(&DORMAND_PRINCE, "of the test", PATIENCE).forever();
         for _ in 0..10 * PATIENCE {
             switch.step(1.0, Limit::Error, 6, None);
             assert!(!switch.wants_stiffness() && switch.change().is_none());

@@ -9,8 +9,12 @@ use crate::math::larger;
 use crate::model::columns::{Changes, Columns};
 use crate::model::effects::{Effects, Variant};
 use crate::ode::integrator::{AutoPlan, Integrator};
+use crate::ode::method_switch::{LITTLE_PATIENCE, PATIENCE};
 use crate::ode::{DORMAND_PRINCE, MERSON, MethodName, Norm, NormName, StepControl, StepRule};
 use crate::scene::{Scene, effects, materials};
+
+/// Impacts with at most this coefficient of restitution lose three quarters of their energy.
+const LOSSY: f64 = 0.5;
 
 /// Steps longer than this over the frequency of a contact are long, see [`long_step`].
 const LONG: f64 = 0.3;
@@ -110,15 +114,23 @@ pub fn state_vectors(scene: &Scene) -> usize {
 /// With friction the motion is stiff and not very smooth. Merson's method is accurate wherever it is stable,
 /// and takes the first impacts, whose errors grow most.
 ///
+/// With friction that remembers stiffness does not jump. Where impacts lose most of their energy, too, the
+/// stabilised method may take the first ones. Where they lose none it would create some: it is never asked.
+///
 /// Without friction the motion is smooth and mostly not stiff: there the method of Dormand and Prince is
 /// cheaper.
 pub(super) fn auto_plan(scene: &Scene, long: f64) -> AutoPlan {
     let Effects { variant, dissipative } = Effects::of(scene);
     if variant == Variant::Basic {
         let reason = "without friction the motion is smooth";
-        AutoPlan { explicit: &DORMAND_PRINCE, reason, is_damped: dissipative, long }
+        AutoPlan { explicit: &DORMAND_PRINCE, reason, is_damped: dissipative, patience: PATIENCE, long }
     } else {
-        AutoPlan { explicit: &MERSON, reason: "friction is not very smooth", is_damped: true, long }
+        let laws = materials::laws(scene).0;
+        let e = laws.iter().fold(0.0, |most, law| larger(most, law.e));
+        let remembers = laws.iter().all(|law| law.memory.is_some());
+        let patience = if remembers && e <= LOSSY { LITTLE_PATIENCE } else { PATIENCE };
+        let is_damped = !remembers || e < 1.0;
+        AutoPlan { explicit: &MERSON, reason: "friction is not very smooth", is_damped, patience, long }
     }
 }
 

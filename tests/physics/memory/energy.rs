@@ -83,3 +83,29 @@ fn a_thousand_random_clouds_never_gain_energy() {
     let lost = lost / 1e3;
     println!("largest rise {rise:.1e}, mean loss {lost} of the kinetic energy, {rhs} right-hand sides");
 }
+
+#[test]
+fn a_sphere_that_bounces_for_long_gains_nothing_by_default() {
+    // Elastic spheres, and some that are nearly so, fall on a floor, slide and spin up. After some hundred
+    // steps `auto` asks for the stabilised method, in which motion without damping grows.
+    for (kappa, l_max) in [(1500.0, 0.0133), (15_000.0, 1.33e-3)] {
+        for e in [0.9, 1.0] {
+            for height in [0.05, 0.11, 0.26, 0.58] {
+                let case = remembering(Case::defaults(), true)
+                    .heavy()
+                    .floor()
+                    .set("contact.stiffness_exponent", kappa)
+                    .set("contact.interaction_distance", l_max)
+                    .set("contact.restitution", e)
+                    .set("friction.coefficient", 0.345)
+                    .set("output.interval", 0.015)
+                    .set("t_end", 4.0)
+                    .sphere(Vec3::z() * (0.1 + height), Vec3::x() * 0.3);
+                let run = case.run();
+                let most = run.frames.iter().map(|frame| frame.kinetic_energy).fold(0.0, f64::max);
+                let rise = rise(&run) / most;
+                assert!(rise < 0.005, "kappa = {kappa}, e = {e}, from {height} m: {rise:e}");
+            }
+        }
+    }
+}
