@@ -125,9 +125,8 @@ pub(super) fn auto_plan(scene: &Scene, long: f64) -> AutoPlan {
         let reason = "without friction the motion is smooth";
         AutoPlan { explicit: &DORMAND_PRINCE, reason, is_damped: dissipative, patience: PATIENCE, long }
     } else {
-        let laws = materials::laws(scene).0;
-        let e = laws.iter().fold(0.0, |most, law| larger(most, law.e));
-        let remembers = laws.iter().all(|law| law.memory.is_some());
+        let e = scene.greatest_restitution();
+        let remembers = effects::law(scene).memory.is_some();
         let patience = if remembers && e <= LOSSY { LITTLE_PATIENCE } else { PATIENCE };
         let is_damped = !remembers || e < 1.0;
         AutoPlan { explicit: &MERSON, reason: "friction is not very smooth", is_damped, patience, long }
