@@ -138,54 +138,6 @@ fn chebyshev_keeps_its_order_with_many_stages() {
     assert!((order - 2.0).abs() < 0.3, "order {order}");
 }
 
-/// A row of two numbers that decay with these rates, 1/s.
-struct Decays {
-    rates: [f64; 2],
-    layout: Layout,
-}
-
-impl Ivp for Decays {
-    fn layout(&self) -> &Layout {
-        &self.layout
-    }
-    fn begin(&mut self) {}
-    fn rhs(&mut self, _t: f64, y: &[f64], dydt: &mut [f64]) {
-        dydt.copy_from_slice(&[-self.rates[0] * y[0], -self.rates[1] * y[1]]);
-    }
-    fn agree(&mut self, _y: &[f64], next: &mut [f64], finish: &FinishRows) -> TrialOutcome {
-        TrialOutcome { error: finish(self.layout.whole(0), next).error(), covered: true, within_travel: true }
-    }
-    fn length(&mut self, v: &[f64]) -> f64 {
-        v[0].hypot(v[1])
-    }
-    fn add_direction(&mut self, _round: u64, share: f64, v: &mut [f64]) {
-        v.iter_mut().for_each(|number| *number += share);
-    }
-    fn small_length(&self) -> f64 {
-        1.5e-8
-    }
-}
-
-#[test]
-fn where_the_motion_oscillates_the_estimate_is_the_error() {
-    // The second number is 0. Its rate only asks for more stages.
-    for (rate, least, most) in [(1.0, 2, 2), (400.0, 3, 3), (1e4, 10, 20), (1e6, 100, 200)] {
-        let layout = Layout(vec![Segment { rows: 1, width: 2, positions: 0 }]);
-        let (h, mut ivp) = (0.01, Decays { rates: [1.0, rate], layout });
-        let mut estimate_per_error = |long: f64| {
-            let (mut method, mut trial) = (Chebyshev::new(long), TrialStep::default());
-            let mut step_start = StepStart::new(0.0, vec![1.0, 0.0]);
-            method.stable_step(&mut ivp, &mut step_start, &mut trial);
-            let estimate = method.attempt(&mut ivp, &mut step_start, h, &plain(false), &mut trial).error;
-            assert!((least..=most).contains(&trial.evaluations), "{}", trial.evaluations);
-            estimate / (trial.next[0] - (-h).exp()).abs()
-        };
-        let [published, counted] = [f64::INFINITY, 1.0].map(&mut estimate_per_error);
-        assert!((counted - 1.0).abs() < 0.02, "{rate} 1/s: {counted}");
-        assert!((1.19..1.85).contains(&published), "{rate} 1/s: {published}");
-    }
-}
-
 /// Growth factor of a step of `s` stages for y' = lambda y with h lambda = z, a complex number.
 fn chebyshev_growth(s: usize, damping: f64, z: Vector2<f64>) -> f64 {
     let times = |a: Vector2<f64>, b: Vector2<f64>| Vector2::new(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x);

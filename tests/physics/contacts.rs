@@ -41,7 +41,8 @@ fn a_bed_has_as_many_contacts_across_gaps_as_in_overlap() {
     // The weights of 200 spheres hold some 360 pairs in overlap.
     assert!(in_overlap.overlapping.len() > 400 && (4.0..4.6).contains(&mean), "{mean}");
 
-    // With 1000 N spheres bear the same across ln(100)/kappa = 3.07 mm more. They move apart, and settle anew.
+    // With 1000 N spheres bear the same across ln(100)/kappa = 3.07 mm more. They move apart, and settle
+    // anew.
     let hard = from(bed(1000.0), &run.end().x);
     let (hard_scene, _) = hard.build();
     let hard_run = hard.run();

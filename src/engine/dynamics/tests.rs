@@ -1,5 +1,7 @@
 //! The right-hand side does not depend on which rank owns which particle, and slabs are cut by work.
 
+mod memory;
+
 use super::*;
 use crate::domain::Solo;
 use crate::domain::comm::team::team;
@@ -9,7 +11,6 @@ use crate::engine::forces::FREE;
 use crate::engine::kernel;
 use crate::model::columns::{Column, position, spin};
 use crate::model::effects::{Effects, Variant};
-use crate::model::history::MemoryParameters;
 use crate::model::wall::Wall;
 use crate::ode::{DORMAND_PRINCE, Ivp, Method, Norm, RungeKutta, Stage, TrialStep, no_vectors};
 use proptest::collection::vec;
@@ -334,142 +335,5 @@ fn columns_that_do_not_change_follow_particles_and_their_ghosts() {
             assert_eq!(dynamics.domain.constants, tags(&dynamics.domain.ids));
             assert_eq!(dynamics.constants(), tags(dynamics.ids()));
         });
-    }
-}
-
-/// Spheres that remember, without walls and weight, at these states.
-fn remembering(states: &[Body], resistance: [Option<f64>; 2]) -> (Dynamics<'static>, StepStart) {
-    let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 2.5, resistance };
-    let law = LawParameters { memory: Some(memory), ..LAW };
-    let kernel = move |set| kernel::kernel(ALL_EFFECTS, law, set).into();
-    let parameters =
-        BodyParameters { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::zeros(), walls: Vec::new() };
-    let (ids, columns) = ((0..states.len() as u64).collect(), Columns::new(true));
-    let mut y: Vec<f64> = states.as_flattened().to_vec();
-    let particles = Particles { ids, columns, constants: Vec::new(), y: &mut y };
-    let mut dynamics = Dynamics::new(&Solo, &kernel, parameters, 1.0, particles, &mut []).unwrap();
-    dynamics.remember_within(0.05);
-    dynamics.start_contacts(&mut y);
-    (dynamics, StepStart::new(0.0, y))
-}
-
-/// A sphere at `x` (m) along the x axis.
-fn at(x: f64) -> Body {
-    body(Vec3::x() * x, Vec3::zeros(), Vec3::zeros())
-}
-
-/// Slope of the state of particle 0 at the start of the step.
-fn first_slope(dynamics: &mut Dynamics, step_start: &mut StepStart) -> Body {
-    step_start.slope_known = false;
-    dynamics.begin();
-    step_start.find_slope(dynamics);
-    let first = dynamics.ids().iter().position(|&id| id == 0).unwrap();
-    step_start.slope.as_chunks().0[first]
-}
-
-#[test]
-fn a_memory_keeps_its_direction_where_new_lists_turn_the_pair_round() {
-    // Cells are 0.36 m wide: at first particle 0 is in the lower cell, then in the higher one.
-    let (mut dynamics, mut start) = remembering(&[at(0.3), at(0.45)], [0.05, 0.02].map(Some));
-    // The first row is that of the contact, the others are free.
-    assert_eq!(dynamics.contacts.keys[..2], [[0, 1], FREE]);
-    // Shear and rolling along y, and a twist.
-    start.y[18..25].copy_from_slice(&[0.0, 0.3, 0.0, 0.0, 0.4, 0.0, 0.5]);
-    let before = first_slope(&mut dynamics, &mut start);
-    // Elastic friction is -L_0 s p over the mass. Moments over the radius are half of that, as R = r/2.
-    let s = (0.5f64 * 150.0 * 0.05).exp();
-    let limit = |coefficient: f64| coefficient * 0.58 * 10.0 * s;
-    let spin_per_force = 0.1 * 0.1 * 40.0;
-    // The first lies to the left of the second, so that the normal, about which it twists, is -x.
-    let expected = [
-        -limit(0.2) * 0.3 / 2.5,
-        0.5 * limit(0.02) * 0.5 * spin_per_force,
-        -0.5 * limit(0.05) * 0.4 * spin_per_force,
-    ];
-    for (found, expected) in [before[4], before[6], before[7]].iter().zip(expected) {
-        assert!((found / expected - 1.0).abs() < 1e-12, "{before:?} {expected:?}");
-    }
-    (start.y[0], start.y[9]) = (0.85, 0.7);
-    dynamics.rebuild(&mut start).unwrap();
-    assert_eq!(dynamics.contacts.keys[..2], [[1, 0], FREE]);
-    let after = first_slope(&mut dynamics, &mut start);
-    // Now the normal is x: the twist and the torque of friction are reversed, the others are not.
-    for (k, sign) in [(4, 1.0), (6, -1.0), (7, 1.0), (8, -1.0)] {
-        assert!((after[k] / before[k] * sign - 1.0).abs() < 1e-12, "{k}: {before:?} {after:?}");
-    }
-}
-
-/// A sphere at `x` (m) that moves along x and y with `v` (m/s) each, and turns.
-fn fast(x: f64, v: f64) -> Body {
-    body(Vec3::x() * x, Vec3::new(v, v, 0.0), Vec3::new(0.2 * v, 0.1 * v, 0.3))
-}
-
-/// Takes a step of 2 ms and takes over the contacts at its end.
-fn step(dynamics: &mut Dynamics, start: &mut StepStart) {
-    let norm = Norm { weights: vec![vec![1.0; 9], vec![1.0; 7]], rate: false, mean: None, rows: Vec::new() };
-    let (mut trial, mut method) = (TrialStep::default(), RungeKutta::new(&DORMAND_PRINCE));
-    method.attempt(dynamics, start, 2e-3, &norm, &mut trial);
-    std::mem::swap(&mut start.y, &mut trial.next);
-    std::mem::swap(&mut start.slope, &mut trial.slope);
-    dynamics.follow_contacts(start);
-}
-
-#[test]
-fn a_contact_that_parts_leaves_nothing_in_its_row() {
-    // They part with 2 m/s: they are within reach, and 2 ms later beyond it.
-    let (mut dynamics, mut start) = remembering(&[fast(0.0, -1.0), fast(0.248, 1.0)], [0.05, 0.02].map(Some));
-    assert_eq!(dynamics.contacts.keys[..2], [[0, 1], FREE]);
-    start.y[18..25].copy_from_slice(&[0.1, 0.3, 0.0, 0.0, 0.4, 0.0, 0.5]);
-    step(&mut dynamics, &mut start);
-    assert!(dynamics.contacts.keys.iter().all(|key| *key == FREE));
-    assert!(start.y[18..].iter().chain(&start.slope[18..]).all(|number| *number == 0.0), "{:?}", start.y);
-}
-
-#[test]
-fn a_new_contact_begins_with_its_own_rate() {
-    // They close with 2 m/s and slip; at first they are out of reach.
-    let (mut dynamics, mut start) = remembering(&[fast(0.0, 1.0), fast(0.252, -1.0)], [0.05, 0.02].map(Some));
-    assert!(dynamics.contacts.keys.iter().all(|key| *key == FREE));
-    step(&mut dynamics, &mut start);
-    assert_eq!(dynamics.contacts.keys[..2], [[0, 1], FREE]);
-    assert_eq!(start.y.len(), start.slope.len());
-    assert!(start.y[18..].iter().chain(&start.slope[25..]).all(|number| *number == 0.0));
-    let kept = start.slope[18..25].to_vec();
-    first_slope(&mut dynamics, &mut start);
-    assert!([1, 4, 6].iter().all(|&k| kept[k].abs() > 1.0), "{kept:?}");
-    for (kept, found) in kept.iter().zip(&start.slope[18..25]) {
-        assert!((kept - found).abs() <= 1e-12 * kept.abs(), "{kept} {found}");
-    }
-}
-
-#[test]
-fn lists_at_the_end_of_their_life_answer_as_new_ones_do() {
-    // Pairs whose gaps are about as wide as the lists reach, 0.16 m. The partners move towards each other.
-    let ends = (0..60).map(|k| (f64::from(k), 0.35 + 5e-4 * f64::from(k)));
-    let states = ends.flat_map(|(k, apart)| {
-        let sphere = |x, v| body(Vec3::new(x, k, 0.0), Vec3::x() * v, Vec3::z() * v);
-        [sphere(0.0, 2.0 + k), sphere(apart, -2.0 - k)]
-    });
-    let states: Vec<Body> = states.collect();
-    for (gap, path) in [(f64::INFINITY, 0.02), (0.05, 0.045)] {
-        let (mut dynamics, mut start) = remembering(&states, [None, None]);
-        dynamics.evaluate_within(gap);
-        let way = 0.999_999 * dynamics.free_path();
-        assert!((way / path - 1.0).abs() < 1e-5, "{way}");
-        for (body, &id) in start.y.as_chunks_mut::<9>().0.iter_mut().zip(dynamics.ids()) {
-            body[0] += if id % 2 == 0 { way } else { -way };
-        }
-        let mut answer = || {
-            first_slope(&mut dynamics, &mut start);
-            let slopes = dynamics.ids().iter().zip(start.slope.as_chunks::<9>().0);
-            let slopes: BTreeMap<u64, [u64; 9]> =
-                slopes.map(|(&id, slope)| (id, slope.map(f64::to_bits))).collect();
-            let (approach, listed) = (dynamics.fastest_approach(0.0), dynamics.listed_pairs());
-            dynamics.rebuild(&mut start).unwrap();
-            (slopes, approach, listed)
-        };
-        let (old, new) = (answer(), answer());
-        assert!(old.2 < new.2, "there are pairs on new lists only: {} and {}", old.2, new.2);
-        assert!(new.1 > 0.0 && (old.0, old.1) == (new.0, new.1));
     }
 }

@@ -76,7 +76,8 @@ fn a_thousand_random_clouds_never_gain_energy() {
         let rise = rise(&run) / most;
         let mut worst = worst.borrow_mut();
         *worst = (worst.0.max(rise), worst.1 + lost, worst.2 + run.end().counts.rhs);
-        // What the tolerance leaves: 1e-7, 1e-6 and 1e-5 leave more. A step may be wrong by 1e-8 of the speed.
+        // What the tolerance leaves: 1e-7, 1e-6 and 1e-5 leave more. A step may be wrong by 1e-8 of the
+        // speed.
         prop_assert!(rise <= 1e-8, "energy rose by {rise:e} of {most} J");
     });
     let (rise, lost, rhs) = worst.into_inner();
