@@ -173,14 +173,6 @@ impl Scene {
         self.all_coefficients(0).any(|e| e < 1.0)
     }
 
-    /// The greatest coefficient of restitution between two materials; without materials, that of `[contact]`.
-    pub fn greatest_restitution(&self) -> f64 {
-        let count = self.material.len();
-        let pairs = (0..count).flat_map(|a| (a..count).map(move |b| self.between_materials(a, b)));
-        let greatest = pairs.map(|between| between.coefficients.restitution).reduce(f64::max);
-        greatest.unwrap_or_else(|| self.plain_coefficients().restitution)
-    }
-
     /// Whether any contact may rub: there is friction, and its coefficient is not 0 everywhere.
     pub fn rubs(&self) -> bool {
         self.friction.is_some() && self.all_coefficients(1).any(|friction| friction > 0.0)

@@ -8,7 +8,7 @@ use crate::error::{Error, StopRequest};
 use crate::math::instructions::InstructionSet;
 use crate::math::larger;
 use crate::math::vector::Vec3;
-use crate::model::columns::{Changes, Columns, POSITION, velocity};
+use crate::model::columns::{Changes, Columns, MATERIAL, POSITION, velocity};
 use crate::model::contact::LawParameters;
 use crate::model::size::Size;
 use crate::ode::{Dissipation, Layout, Segment, StepStart};
@@ -285,6 +285,20 @@ impl<'c> Dynamics<'c> {
         let mut lightest = [-typical.lightest_of(own)];
         self.domain.comm.max(&mut lightest);
         if self.columns().sized() { -lightest[0] } else { 1.0 }
+    }
+
+    /// Numbers of the materials that particles have, on any rank; `none` is that of those without one.
+    /// Collective.
+    pub fn materials(&self, none: usize) -> Vec<usize> {
+        let mut present = vec![0.0; none + 1];
+        if self.columns().find(MATERIAL).is_none() {
+            present[none] = 1.0;
+        }
+        for material in self.columns().materials(self.constants()) {
+            present[material as usize] = 1.0;
+        }
+        self.domain.comm.max(&mut present);
+        (0..=none).filter(|&number| present[number] > 0.0).collect()
     }
 
     /// Weights of the positions of the owned particles in the norm, over those of typical ones; empty where

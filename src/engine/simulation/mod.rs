@@ -164,10 +164,11 @@ impl<'c> Simulation<'c> {
             norm.weights.iter_mut().skip(1).flatten().for_each(|weight| *weight /= lightest);
         }
         let cutoff = cutoff(scene, scale * lightest);
+        let plan = auto_plan(scene, &dynamics.materials(scene.material.len()), long_step(scene, scale));
         Simulation {
             comm,
             dynamics,
-            integrator: Integrator::new(scene.solver.method, auto_plan(scene, long_step(scene, scale))),
+            integrator: Integrator::new(scene.solver.method, plan),
             tolerance: control.tolerance / tightening(scene),
             cutoff,
             norm,

@@ -106,7 +106,7 @@ pub(super) fn own_weights(dynamics: &Dynamics, norm: &Norm) -> Vec<f64> {
 
 /// Largest number of state vectors that the methods of the scene use.
 pub fn state_vectors(scene: &Scene) -> usize {
-    Integrator::new(scene.solver.method, auto_plan(scene, f64::INFINITY)).vectors()
+    Integrator::new(scene.solver.method, auto_plan(scene, &[], f64::INFINITY)).vectors()
 }
 
 /// How `auto` starts. It switches to the stabilised method where that needs less work.
@@ -119,18 +119,28 @@ pub fn state_vectors(scene: &Scene) -> usize {
 ///
 /// Without friction the motion is smooth and mostly not stiff: there the method of Dormand and Prince is
 /// cheaper.
-pub(super) fn auto_plan(scene: &Scene, long: f64) -> AutoPlan {
+///
+/// `materials` are the numbers of those that spheres have.
+pub(super) fn auto_plan(scene: &Scene, materials: &[usize], long: f64) -> AutoPlan {
     let Effects { variant, dissipative } = Effects::of(scene);
     if variant == Variant::Basic {
         let reason = "without friction the motion is smooth";
         AutoPlan { explicit: &DORMAND_PRINCE, reason, is_damped: dissipative, patience: PATIENCE, long }
     } else {
-        let e = scene.greatest_restitution();
+        let e = greatest_restitution(scene, materials);
         let remembers = effects::law(scene).memory.is_some();
         let patience = if remembers && e <= LOSSY { LITTLE_PATIENCE } else { PATIENCE };
         let is_damped = !remembers || e < 1.0;
         AutoPlan { explicit: &MERSON, reason: "friction is not very smooth", is_damped, patience, long }
     }
+}
+
+/// The greatest coefficient of restitution of any contact between spheres of the materials with these numbers,
+/// and of theirs with walls.
+fn greatest_restitution(scene: &Scene, spheres: &[usize]) -> f64 {
+    let partners = [spheres, &scene.wall_materials()].concat();
+    let pairs = spheres.iter().flat_map(|&a| partners.iter().map(move |&b| (a, b)));
+    pairs.map(|(a, b)| scene.between_materials(a, b).coefficients.restitution).fold(0.0, larger)
 }
 
 /// Factor by which `auto` tightens the tolerance where the motion is smooth.
@@ -144,5 +154,38 @@ pub fn tightening(scene: &Scene) -> f64 {
         (Variant::Basic, MethodName::Auto) if dissipative => 0.01,
         (Variant::Basic, MethodName::Auto) => 1e-4,
         _ => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn how_auto_starts_follows_from_the_contacts_that_can_be() {
+        let text = include_str!("../../../configs/bed.toml");
+        let materials = "material=[{ name = 'a', restitution = 0.2 }, { name = 'b', restitution = 0.8 }, \
+             { name = 'c', restitution = 1 }]";
+        let set = [materials, "container.box.material='b'", "contact.restitution=0.5"].map(str::to_owned);
+        let scene = Scene::parse("bed.toml", text, &set).unwrap();
+        // Number 3 stands for what has no material.
+        for (spheres, patience, is_damped) in [
+            (&[0][..], LITTLE_PATIENCE, true),
+            (&[0, 1], PATIENCE, true),
+            (&[0, 2], PATIENCE, false),
+            (&[3], PATIENCE, true),
+            (&[0, 3], PATIENCE, true),
+        ] {
+            let plan = auto_plan(&scene, spheres, 1.0);
+            assert_eq!((plan.patience, plan.is_damped), (patience, is_damped), "{spheres:?}");
+        }
+        let plain = |set: &str| {
+            let plan = auto_plan(&Scene::parse("bed.toml", text, &[set.to_owned()]).unwrap(), &[0], 1.0);
+            (plan.patience, plan.is_damped)
+        };
+        assert_eq!(plain("contact.restitution=0.5"), (LITTLE_PATIENCE, true));
+        assert_eq!(plain("contact.restitution=1.0"), (PATIENCE, false));
+        let paper = "friction={law='regularized',regularization_velocity=0.01}";
+        assert_eq!(plain(paper), (PATIENCE, true));
     }
 }
