@@ -147,6 +147,7 @@ impl Execution<'_> {
             let unusable = |why| {
                 Error::Input(format!("--resume {}: it cannot be made ready: {why}", self.file.display()))
             };
+            checkpoint::clear_unfinished(path);
             output::prepare(path, frames, info).map(|()| String::new()).map_err(unusable)
         })?;
         let opened = Output::open(comm, path, info.energy, contents, frames)?;

@@ -7,7 +7,8 @@
 //! particle ids; every rank writes its block of rows. A table with the checksum of every block ends the file.
 //!
 //! Only this table depends on the number of ranks, and any number of ranks can read the file. A new file is
-//! first written under a temporary name, then flushed to the disk, then renamed.
+//! first written under a temporary name, then flushed to the disk, then renamed. The temporary name is the
+//! process's own: a run that does not know yet that another one has taken its file over is in nobody's way.
 
 mod file;
 mod read;
@@ -84,15 +85,42 @@ pub fn slot(output: &Path, serial: u64) -> PathBuf {
     if serial % 2 == 1 { a } else { b }
 }
 
+/// Path of the checkpoint `slot` as long as process number `process` writes it.
+fn unfinished(slot: &Path, process: u32) -> PathBuf {
+    beside(slot, &format!("{process}.tmp"))
+}
+
 /// Removes checkpoints and the stop file of an earlier run, so that nobody takes them for files of this run.
 ///
 /// What cannot be removed stays, without an error.
 pub fn clear(output: &Path) {
-    for slot in slots(output) {
-        let _ = std::fs::remove_file(beside(&slot, "tmp"));
-        let _ = std::fs::remove_file(slot);
+    clear_unfinished(output);
+    for path in slots(output).into_iter().chain([stop_file(output)]) {
+        let _ = std::fs::remove_file(path);
     }
-    let _ = std::fs::remove_file(stop_file(output));
+}
+
+/// Removes the checkpoints that earlier runs could not finish because they were killed.
+///
+/// What cannot be removed stays, without an error.
+pub fn clear_unfinished(output: &Path) {
+    let folder = output.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    let slots = slots(output);
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if slots.iter().any(|slot| is_unfinished(slot, &path)) {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// Whether a process wrote the checkpoint `slot` to `path` and did not finish.
+fn is_unfinished(slot: &Path, path: &Path) -> bool {
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let process = name(path)
+        .strip_prefix(&name(slot))
+        .and_then(|rest| rest.strip_prefix('.')?.strip_suffix(".tmp")?.parse::<u32>().ok());
+    process.is_some()
 }
 
 /// Upper bound of the size of one checkpoint of `count` particles, bytes. The memory of a contact has

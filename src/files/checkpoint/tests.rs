@@ -1,10 +1,11 @@
 //! A run that is stopped, saved and resumed on other ranks ends with the same bits. A broken file is refused.
 
-use super::{FORMAT, Header, bytes, look, read, slot, slots, verify, write};
+use super::{FORMAT, Header, bytes, clear_unfinished, look, read, slot, slots, verify, write};
 use crate::domain::comm::team::team;
 use crate::domain::{Comm, Solo, rows};
 use crate::engine::simulation::{Counts, Frame, FrameSummary, Observer, Simulation, Snapshot};
 use crate::error::{Error, StopRequest};
+use crate::files::beside;
 use crate::model::columns::{Changes, Column, Columns};
 use crate::scene::Scene;
 use crate::scene::initial_condition::{self, InitialCondition};
@@ -335,6 +336,22 @@ fn the_two_files_take_turns_beside_the_output() {
     assert_eq!(names, ["/somewhere/a.vtkhdf.ckpt-a", "/somewhere/a.vtkhdf.ckpt-b"]);
     let order = [1, 2, 3, 4].map(|serial| slot(output, serial));
     assert_eq!(order, [0, 1, 0, 1].map(|k: usize| PathBuf::from(&names[k])));
+}
+
+#[test]
+fn what_a_killed_run_could_not_finish_goes_and_nothing_else() {
+    let folder = TempDir::new().unwrap();
+    let output = folder.path().join("a.vtkhdf");
+    let stay = ["ckpt-a", "ckpt-b", "ckpt-a.x.tmp", "ckpt-c.12.tmp", "12.tmp", "stop"];
+    for ending in stay.into_iter().chain(["ckpt-a.12.tmp", "ckpt-b.4000000000.tmp"]) {
+        fs::write(beside(&output, ending), "").unwrap();
+    }
+    clear_unfinished(&output);
+    let mut left: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    left.sort();
+    let mut expected = stay.map(|ending| beside(&output, ending));
+    expected.sort();
+    assert_eq!(left, expected);
 }
 
 #[test]

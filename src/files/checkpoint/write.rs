@@ -1,13 +1,12 @@
 //! Writes checkpoints: every rank writes its block of rows, and rank 0 writes the rest.
 
-use super::Header;
 use super::file::{self, Layout, PIECE};
+use super::{Header, unfinished};
 use crate::domain::Comm;
 use crate::domain::agreement::agree;
 use crate::domain::rows::{self, ById};
 use crate::engine::simulation::Snapshot;
 use crate::error::Error;
-use crate::files::beside;
 use crc32fast::Hasher;
 use std::fs::{self, File};
 use std::io;
@@ -20,7 +19,9 @@ use std::path::Path;
 /// `path` is the same on every rank. The file gets this name only when it is complete and on the disk. Then
 /// it replaces the earlier file.
 pub fn write(comm: &dyn Comm, path: &Path, header: &Header, snapshot: &Snapshot) -> Result<(), Error> {
-    let unfinished = beside(path, "tmp");
+    let mut processes = vec![0.0; comm.size()];
+    comm.all_gather(&[f64::from(std::process::id())], &mut processes);
+    let unfinished = unfinished(path, processes[0] as u32);
     let encoded = postcard::to_stdvec(header).expect("a header holds numbers and texts");
     let parts = comm.size() as u64;
     let layout = Layout::new(header, encoded.len() as u64, parts);
@@ -28,7 +29,7 @@ pub fn write(comm: &dyn Comm, path: &Path, header: &Header, snapshot: &Snapshot)
     let created = agree(comm, created.map_err(|why| failure(path, &why)));
     let written = created.and_then(|()| fill(comm, path, &unfinished, &layout, snapshot));
     if written.is_err() && comm.rank() == 0 {
-        // If the removal fails too, the next checkpoint overwrites the file.
+        // If the removal fails too, the next run removes the file.
         let _ = fs::remove_file(&unfinished);
     }
     written
