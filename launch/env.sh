@@ -12,8 +12,6 @@ export OMPI_MCA_hwloc_base_binding_policy="${OMPI_MCA_hwloc_base_binding_policy:
 # Ranks that wait let others run. Spinning is a little faster on cores of one's own, and several times slower
 # on shared ones, or where threads of the ranks want them.
 export OMPI_MCA_mpi_yield_when_idle="${OMPI_MCA_mpi_yield_when_idle:-1}"
-# A program that runs without mpirun starts alone, without a helper process that it does not need: 0.2 s less.
-export OMPI_MCA_ess_singleton_isolated="${OMPI_MCA_ess_singleton_isolated:-1}"
 
 # Where cargo installs programs.
 demhybrid_bin="${CARGO_INSTALL_ROOT:-${CARGO_HOME:-$HOME/.cargo}}/bin"

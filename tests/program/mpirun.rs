@@ -25,13 +25,12 @@ const GLANCE: Duration = Duration::from_millis(5);
 
 /// What launch/env.sh sets, and a kinder way to wait: where other work shares the cores, ranks that spin keep
 /// the rank they wait for from running.
-pub const OPEN_MPI: [(&str, &str); 6] = [
+pub const OPEN_MPI: [(&str, &str); 5] = [
     ("OMPI_ALLOW_RUN_AS_ROOT", "1"),
     ("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1"),
     ("OMPI_MCA_rmaps_base_oversubscribe", "1"),
     ("OMPI_MCA_hwloc_base_binding_policy", "none"),
     ("OMPI_MCA_mpi_yield_when_idle", "1"),
-    ("OMPI_MCA_ess_singleton_isolated", "1"),
 ];
 
 /// One job at a time: two would share the cores and the patience of the tests.
