@@ -355,8 +355,11 @@ impl Distribution {
     fn between(&self, low: [f64; 2], high: [f64; 2], count: u64) -> f64 {
         match self {
             Distribution::One(r) => *r,
-            // Rounding must not lead out of the interval.
-            _ => (self.mean_cube() * count as f64 * (high[1] - low[1])).cbrt().clamp(low[0], high[0]),
+            // Rounding must not lead out of the interval. Of sizes beyond all arithmetic there is no interval.
+            _ if low[0] <= high[0] => {
+                (self.mean_cube() * count as f64 * (high[1] - low[1])).cbrt().clamp(low[0], high[0])
+            }
+            _ => f64::NAN,
         }
     }
 }
