@@ -135,8 +135,8 @@ pub(super) fn auto_plan(scene: &Scene, materials: &[usize], long: f64) -> AutoPl
     }
 }
 
-/// The greatest coefficient of restitution of any contact between spheres of the materials with these numbers,
-/// and of theirs with walls.
+/// The greatest coefficient of restitution of any contact between spheres of the materials with these
+/// numbers, and of theirs with walls.
 fn greatest_restitution(scene: &Scene, spheres: &[usize]) -> f64 {
     let partners = [spheres, &scene.wall_materials()].concat();
     let pairs = spheres.iter().flat_map(|&a| partners.iter().map(move |&b| (a, b)));

@@ -1,6 +1,6 @@
 //! A run that is stopped, saved and resumed on other ranks ends with the same bits. A broken file is refused.
 
-use super::{FORMAT, Header, bytes, clear_unfinished, look, read, slot, slots, verify, write};
+use super::{FORMAT, Header, bytes, clear_unfinished, look, read, slot, slots, unfinished, verify, write};
 use crate::domain::comm::team::team;
 use crate::domain::{Comm, Solo, rows};
 use crate::engine::simulation::{Counts, Frame, FrameSummary, Observer, Simulation, Snapshot};
@@ -343,8 +343,13 @@ fn what_a_killed_run_could_not_finish_goes_and_nothing_else() {
     let folder = TempDir::new().unwrap();
     let output = folder.path().join("a.vtkhdf");
     let stay = ["ckpt-a", "ckpt-b", "ckpt-a.x.tmp", "ckpt-c.12.tmp", "12.tmp", "stop"];
-    for ending in stay.into_iter().chain(["ckpt-a.12.tmp", "ckpt-b.4000000000.tmp"]) {
-        fs::write(beside(&output, ending), "").unwrap();
+    let unfinished = |process: u32| slots(&output).map(|slot| unfinished(&slot, process));
+    for path in stay.map(|ending| beside(&output, ending)).into_iter().chain(unfinished(12)) {
+        fs::write(path, "").unwrap();
+    }
+    for path in unfinished(4_000_000_000) {
+        assert!(!path.exists(), "two processes write to one file");
+        fs::write(path, "").unwrap();
     }
     clear_unfinished(&output);
     let mut left: Vec<_> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();

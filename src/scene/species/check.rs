@@ -359,13 +359,15 @@ fn arithmetic(
     if range.into_iter().chain(masses).chain(range.map(|r| r.powi(3))).all(fine) {
         return Ok(());
     }
+    let spheres = if range.into_iter().all(f64::is_finite) {
+        let [least, most] = range.map(short);
+        format!("spheres of {least} m to {most} m with masses of {:e} kg to {:e} kg", masses[0], masses[1])
+    } else {
+        "sizes that are too far apart".to_owned()
+    };
     let message = format!(
-        "species[{k}].radius gives spheres of {} m to {} m with masses of {:e} kg to {:e} kg, which no \
-         arithmetic survives: it must be in m, and the density in kg/m^3",
-        short(range[0]),
-        short(range[1]),
-        masses[0],
-        masses[1]
+        "species[{k}].radius gives {spheres}, which no arithmetic survives: it must be in m, and the density \
+         in kg/m^3"
     );
     Err(source.error(at, &message))
 }

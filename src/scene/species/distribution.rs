@@ -355,7 +355,7 @@ impl Distribution {
     fn between(&self, low: [f64; 2], high: [f64; 2], count: u64) -> f64 {
         match self {
             Distribution::One(r) => *r,
-            // Rounding must not lead out of the interval. Of sizes beyond all arithmetic there is no interval.
+            // Rounding must not lead out of the interval. Sizes beyond all arithmetic have none.
             _ if low[0] <= high[0] => {
                 (self.mean_cube() * count as f64 * (high[1] - low[1])).cbrt().clamp(low[0], high[0])
             }
