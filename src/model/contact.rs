@@ -373,6 +373,27 @@ pub struct LawParameters {
 }
 
 impl LawParameters {
+    /// The spheres of the paper's bed, for tests.
+    #[cfg(test)]
+    pub(crate) const PAPER: LawParameters = LawParameters {
+        r: 0.1,
+        f_0: 10.0,
+        kappa: 150.0,
+        l_max: 0.1,
+        e: 0.4,
+        psi: 10.0,
+        phi: 0.2,
+        v_min: 0.01,
+        memory: None,
+    };
+
+    /// The same spheres of 1 kg with friction that remembers, and with this `resistance`, for tests.
+    #[cfg(test)]
+    pub(crate) const fn remembering(resistance: [Option<f64>; 2]) -> (LawParameters, MemoryParameters) {
+        let memory = MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance };
+        (LawParameters { phi: 0.345, memory: Some(memory), ..LawParameters::PAPER }, memory)
+    }
+
     /// The way with which errors of position of a sphere with the radius `r` (m) are compared, m:
     /// sqrt(r/kappa), at most r.
     ///
@@ -556,21 +577,10 @@ impl<R: Rebound, T: Tangential> Energies<'_, R, T> {
 mod tests {
     use super::*;
 
-    const R: f64 = 0.1;
+    const R: f64 = LawParameters::PAPER.r;
 
     fn law<T: Tangential>(tangential: T) -> Law<Dissipative, T> {
-        let parameters = LawParameters {
-            r: R,
-            f_0: 10.0,
-            kappa: 150.0,
-            l_max: 0.1,
-            e: 0.4,
-            psi: 10.0,
-            phi: 0.2,
-            v_min: 0.01,
-            memory: None,
-        };
-        Law { parameters, rebound: Dissipative::new(0.4, 10.0), tangential }
+        Law { parameters: LawParameters::PAPER, rebound: Dissipative::new(0.4, 10.0), tangential }
     }
 
     #[test]

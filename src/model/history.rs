@@ -262,25 +262,13 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
-    const MEMORY_OF_TEST: MemoryParameters =
-        MemoryParameters { stiffness_ratio: 0.5, damping: 1.0, mass: 1.0, resistance: [None; 2] };
-
-    const LAW: LawParameters = LawParameters {
-        r: 0.1,
-        f_0: 10.0,
-        kappa: 150.0,
-        l_max: 0.1,
-        e: 0.4,
-        psi: 10.0,
-        phi: 0.345,
-        v_min: 0.01,
-        memory: Some(MEMORY_OF_TEST),
-    };
+    const REMEMBERING: (LawParameters, MemoryParameters) = LawParameters::remembering([None; 2]);
+    const LAW: LawParameters = REMEMBERING.0;
 
     const STILL: Vec3 = Vec3::new(0.0, 0.0, 0.0);
 
     fn friction() -> History {
-        History::new(&LAW, MEMORY_OF_TEST, true)
+        History::new(&LAW, REMEMBERING.1, true)
     }
 
     /// A contact of two equal spheres, or of one with a wall.

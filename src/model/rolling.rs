@@ -171,24 +171,10 @@ mod tests {
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 
-    const MEMORY: MemoryParameters = MemoryParameters {
-        stiffness_ratio: 0.5,
-        damping: 1.0,
-        mass: 1.0,
-        resistance: [Some(0.05), Some(0.02)],
-    };
-
-    const LAW: LawParameters = LawParameters {
-        r: 0.1,
-        f_0: 10.0,
-        kappa: 150.0,
-        l_max: 0.1,
-        e: 0.4,
-        psi: 10.0,
-        phi: 0.345,
-        v_min: 0.01,
-        memory: Some(MEMORY),
-    };
+    const REMEMBERING: (LawParameters, MemoryParameters) =
+        LawParameters::remembering([Some(0.05), Some(0.02)]);
+    const LAW: LawParameters = REMEMBERING.0;
+    const MEMORY: MemoryParameters = REMEMBERING.1;
 
     /// A contact of two equal spheres, or of one with a wall.
     fn contact<'a>(partner: Partner, gap: f64, [n, v_rel, spins, memory]: [&'a Vec3; 4]) -> Touch<'a> {

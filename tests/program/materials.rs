@@ -1,10 +1,9 @@
 //! Materials under mpirun: the same bits on any ranks and threads and through a resume; what the file, the
 //! plan and the exports say of them.
 
-use crate::mpirun::{Job, signal_job};
-use crate::results::{Results, assert_same_anywhere, assert_same_bits, results_on};
+use crate::mpirun::Job;
+use crate::results::{Results, assert_goes_on_elsewhere, assert_same_anywhere, results_on};
 use rand::{RngExt, SeedableRng};
-use rustix::process::Signal;
 use std::fmt::Write;
 use std::fs;
 use std::sync::LazyLock;
@@ -75,22 +74,14 @@ static WHOLE: LazyLock<Results> = LazyLock::new(|| results_on(folder().path(), 0
 
 #[test]
 fn ranks_and_threads_do_not_matter_to_a_bed_of_several_materials() {
-    let end = WHOLE.vectors("Points", FRAMES - 1);
-    let lowest = end.iter().map(|x| x[2]).fold(f64::INFINITY, f64::min);
+    let lowest = WHOLE.lowest();
     assert!(lowest < 0.07, "the lowest have reached the floor: {lowest} m");
     assert_same_anywhere(&WHOLE, folder().path());
 }
 
 #[test]
 fn a_run_of_several_materials_goes_on_where_it_was_stopped_on_other_ranks() {
-    let folder = folder();
-    let mut job = Job::on(2, folder.path(), &["scene.toml", "--threads", "1"]).start();
-    job.wait_for_frames(10);
-    signal_job(&job, Signal::USR1);
-    job.must_end_within(120);
-    job.end().with_code(5);
-    Job::on(3, folder.path(), &["--resume", "scene.vtkhdf", "-q"]).run().with_code(0);
-    assert_same_bits(&WHOLE, &Results::open(&folder.path().join("scene.vtkhdf")), "resumed on three ranks");
+    assert_goes_on_elsewhere(&WHOLE, folder().path(), 10);
 }
 
 #[test]

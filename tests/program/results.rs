@@ -2,9 +2,10 @@
 
 #![allow(dead_code)] // every test file uses a part
 
-use crate::mpirun::Job;
+use crate::mpirun::{Job, signal_job};
 use demhybrid::ode::Limit;
 use hdf5::types::VarLenUnicode;
+use rustix::process::Signal;
 use std::path::Path;
 
 /// An output file. There are as many frames as `NSteps` says, but no more than have times.
@@ -68,6 +69,12 @@ impl Results {
         let all = self.reals(&format!("VTKHDF/{name}"));
         let n = 3 * self.particles();
         all[k * n..(k + 1) * n].chunks_exact(3).map(|row| [row[0], row[1], row[2]]).collect()
+    }
+
+    /// Height of the lowest centre in the last frame, m.
+    pub fn lowest(&self) -> f64 {
+        let end = self.vectors("Points", self.frames() - 1);
+        end.iter().map(|x| x[2]).fold(f64::INFINITY, f64::min)
     }
 
     /// Names of the vector arrays.
@@ -156,4 +163,17 @@ pub fn assert_same_anywhere(alone: &Results, folder: &Path) {
         let results = results_on(folder, ranks, threads);
         assert_same_bits(alone, &results, &format!("{ranks} ranks, {threads} threads"));
     }
+}
+
+/// Fails unless `scene.toml` of a folder, stopped on two ranks after some `frames` and taken up on three,
+/// gives the bits of the `whole` run.
+#[track_caller]
+pub fn assert_goes_on_elsewhere(whole: &Results, folder: &Path, frames: usize) {
+    let mut job = Job::on(2, folder, &["scene.toml", "--threads", "1"]).start();
+    job.wait_for_frames(frames);
+    signal_job(&job, Signal::USR1);
+    job.must_end_within(120);
+    job.end().with_code(5);
+    Job::on(3, folder, &["--resume", "scene.vtkhdf", "-q"]).run().with_code(0);
+    assert_same_bits(whole, &Results::open(&folder.join("scene.vtkhdf")), "resumed on three ranks");
 }

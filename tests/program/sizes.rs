@@ -1,10 +1,9 @@
 //! Spheres of unequal sizes under mpirun: the same bits on any ranks and threads and through a resume, and
 //! their sizes in the file.
 
-use crate::mpirun::{Job, signal_job};
-use crate::results::{Results, assert_same_anywhere, assert_same_bits, results_on};
+use crate::mpirun::Job;
+use crate::results::{Results, assert_goes_on_elsewhere, assert_same_anywhere, assert_same_bits, results_on};
 use rand::{RngExt, SeedableRng};
-use rustix::process::Signal;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
@@ -23,7 +22,6 @@ checkpoint.interval = 0.02
 contact = { repulsion_at_contact = 10.0, stiffness_exponent = 200.0, restitution = 0.4,
             dissipation_focusing = 10.0, interaction_distance = 0.06 }
 ";
-const FRAMES: usize = 101;
 
 /// Radius (m) of particle `k`: many small ones, some large, and one that is six times as wide as the least.
 fn radius(k: usize, random: &mut rand_chacha::ChaCha8Rng) -> f64 {
@@ -56,22 +54,14 @@ static WHOLE: LazyLock<Results> = LazyLock::new(|| results_on(folder().path(), 0
 
 #[test]
 fn ranks_and_threads_do_not_matter_to_spheres_of_unequal_sizes() {
-    let end = WHOLE.vectors("Points", FRAMES - 1);
-    let lowest = end.iter().map(|x| x[2]).fold(f64::INFINITY, f64::min);
+    let lowest = WHOLE.lowest();
     assert!(lowest < 0.03, "the small ones have reached the floor: {lowest} m");
     assert_same_anywhere(&WHOLE, folder().path());
 }
 
 #[test]
 fn a_run_with_sizes_goes_on_where_it_was_stopped() {
-    let folder = folder();
-    let mut job = Job::on(2, folder.path(), &["scene.toml", "--threads", "1"]).start();
-    job.wait_for_frames(40);
-    signal_job(&job, Signal::USR1);
-    job.must_end_within(120);
-    job.end().with_code(5);
-    Job::on(3, folder.path(), &["--resume", "scene.vtkhdf", "-q"]).run().with_code(0);
-    assert_same_bits(&WHOLE, &Results::open(&folder.path().join("scene.vtkhdf")), "resumed on three ranks");
+    assert_goes_on_elsewhere(&WHOLE, folder().path(), 40);
 }
 
 #[test]

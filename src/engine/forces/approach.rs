@@ -175,17 +175,7 @@ mod tests {
 
     /// The same under `gravity` (m/s^2).
     fn falling(speed: f64, gap: f64, least: f64, gravity: f64) -> f64 {
-        let law = LawParameters {
-            r: 0.1,
-            f_0: 10.0,
-            kappa: 1e4,
-            l_max: 2e-3,
-            e: 0.4,
-            psi: 10.0,
-            phi: 0.2,
-            v_min: 0.01,
-            memory: None,
-        };
+        let law = LawParameters { kappa: 1e4, l_max: 2e-3, ..LawParameters::PAPER };
         let mut approach = Approach { law, gravity, most: least };
         let distance = 0.2 + gap;
         approach.take(speed * distance, distance * distance, [0.2, 0.022], 1.0);

@@ -37,17 +37,7 @@ fn parameters() -> BodyParameters {
     BodyParameters { mass: 2.5, inverse_inertia: 40.0, gravity: Vec3::new(0.1, 0.0, -9.81), walls }
 }
 
-const LAW: LawParameters = LawParameters {
-    r: 0.1,
-    f_0: 10.0,
-    kappa: 150.0,
-    l_max: 0.1,
-    e: 0.4,
-    psi: 10.0,
-    phi: 0.2,
-    v_min: 0.01,
-    memory: None,
-};
+const LAW: LawParameters = LawParameters::PAPER;
 
 const ALL_EFFECTS: Effects = Effects { variant: Variant::FrictionRotation, dissipative: true };
 
