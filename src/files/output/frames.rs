@@ -457,8 +457,13 @@ pub(super) fn options(comm: &dyn Comm) -> Result<FileBuilder> {
     // HDF5 2.0 changed the default format. The earliest format makes the file independent of the library.
     // Older libraries can read it, and it can be opened after a kill.
     options.with_fapl(|access| access.libver_earliest());
-    if let Some(communicator) = comm.raw() {
-        mpio::open_together(&mut options, communicator)?;
+    match comm.raw() {
+        Some(communicator) => mpio::open_together(&mut options, communicator)?,
+        // The run has a lock of its own. That of HDF5, which files that ranks open together do not have, would
+        // keep readers out until the run ends.
+        None => {
+            options.with_fapl(|access| access.file_locking(false));
+        }
     }
     Ok(options)
 }
