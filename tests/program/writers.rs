@@ -172,6 +172,19 @@ fn of_runs_that_start_at_one_moment_one_writes() {
 }
 
 #[test]
+fn a_run_goes_on_although_a_reader_has_its_file_open() {
+    for ranks in [0, 2] {
+        let folder = folder();
+        stopped(at_work(ranks, folder.path(), &["scene.toml"]));
+        let reader = Results::open(&folder.path().join("scene.vtkhdf"));
+        stopped(at_work(ranks, folder.path(), &["--resume", "scene.vtkhdf"]));
+        assert!(reader.frames() >= 10);
+        drop(reader);
+        assert_sound(folder.path(), false);
+    }
+}
+
+#[test]
 fn a_run_that_was_killed_is_in_nobodys_way() {
     for ranks in [0, 2].repeat(TRIES) {
         let folder = folder();
