@@ -459,8 +459,8 @@ pub(super) fn options(comm: &dyn Comm) -> Result<FileBuilder> {
     options.with_fapl(|access| access.libver_earliest());
     match comm.raw() {
         Some(communicator) => mpio::open_together(&mut options, communicator)?,
-        // The run has a lock of its own. That of HDF5, which files that ranks open together do not have, would
-        // keep readers out, and be kept out by them.
+        // The run has a lock of its own. That of HDF5, which files that ranks open together do not have,
+        // would keep readers out, and be kept out by them.
         None => {
             options.with_fapl(|access| access.file_locking(false));
         }
