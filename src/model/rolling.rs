@@ -239,7 +239,8 @@ mod tests {
             let other = if rolling { moment.moment.dot(&n) } else { moment.moment.cross(&n).norm() };
             prop_assert!(other.abs() <= 1e-12 * most);
             // The power that it takes, less what the memory stores, by hand.
-            let stored = coefficient * 0.58 * LAW.f_0 * (coefficient * 0.58 / 75.0) * memory.dot(&moment.rate);
+            let at_rest = coefficient * 0.58;
+            let stored = at_rest * LAW.f_0 * (at_rest / 75.0) * memory.dot(&moment.rate);
             let power = -moment.moment.dot(&difference) - stored;
             let rounding = 1e-13 * most * (v_rel.norm() + spins.norm() + difference.norm());
             prop_assert!((power - moment.dissipation).abs() <= 1e3 * rounding, "{power}");

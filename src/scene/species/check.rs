@@ -92,8 +92,8 @@ fn one_source(source: &Source) -> Result<(), Error> {
     for key in ["particles.file", "particles.run"] {
         if let Some(file) = source.key(key) {
             let message = format!(
-                "{key} and [[species]] contradict each other: exactly one says how large the spheres are, the \
-                 columns of the file or the species, whose spheres start e.g. from [particles.grid]"
+                "{key} and [[species]] contradict each other: exactly one says how large the spheres are, \
+                 the columns of the file or the species, whose spheres start e.g. from [particles.grid]"
             );
             return Err(source.error(Some(file), &message));
         }
@@ -196,8 +196,8 @@ fn radii(
             return Ok(());
         }
         wrong(format!(
-            "leaves nothing: the share {left:.1e} of the {name} distribution lies between {} m and {} m, and it \
-             must be {LEAST_LEFT} at least: it is {form}",
+            "leaves nothing: the share {left:.1e} of the {name} distribution lies between {} m and {} m, and \
+             it must be {LEAST_LEFT} at least: it is {form}",
             short(min),
             short(max)
         ))
@@ -214,8 +214,8 @@ fn radii(
         leaves("normal", Distribution::Normal { mean, sd, min, max }.left(), [min, max], form)?;
     }
     if let Some([median, sigma, min, max]) = *lognormal {
-        let form = "[median, sigma, min, max] in m, with the standard deviation sigma of ln r, e.g. lognormal = \
-                    [0.1, 0.3, 0.05, 0.2]";
+        let form = "[median, sigma, min, max] in m, with the standard deviation sigma of ln r, e.g. \
+                    lognormal = [0.1, 0.3, 0.05, 0.2]";
         if !median.is_normal() || median <= 0.0 {
             return wrong(format!("has the median {median} m, which must be above 0: it is {form}"));
         }
